@@ -1,6 +1,6 @@
 """Two scans in, the pose of the second seen from the first out."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -110,7 +110,7 @@ def match(
     ref, cur = prepared(reference, matcher, "reference"), prepared(current, matcher, "current")
     result = matcher.match(ref.features, cur.features, prior_of(prior, guess))
     watch.report()
-    return replace(result, reference=ref.scan, current=cur.scan)
+    return result.with_scans(ref.scan, cur.scan)
 
 
 def prepared(scan: LaserScan | PreparedScan, matcher: Matcher, name: str) -> PreparedScan:

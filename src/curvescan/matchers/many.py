@@ -7,7 +7,6 @@ import sys
 import time
 import warnings
 from collections.abc import Iterable
-from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -107,11 +106,8 @@ class _Once:
 def _matched(matcher: Matcher, jobs: list[_Job], *, has_scans: bool = True) -> list[MatchResult]:
     """Return the results of some jobs, without traces, which hold much."""
     return [
-        replace(
-            matcher.match(ref.features, cur.features, prior),
-            trace=None,
-            reference=ref.scan if has_scans else None,
-            current=cur.scan if has_scans else None,
+        matcher.match(ref.features, cur.features, prior).with_scans(
+            ref.scan if has_scans else None, cur.scan if has_scans else None, trace=None
         )
         for ref, cur, prior in jobs
     ]
@@ -188,6 +184,4 @@ def _received(pipe: Connection, part: list[_Job], patience: float) -> list[Match
         results = pipe.recv()
     except (EOFError, OSError):
         return []
-    return [
-        replace(one, reference=ref.scan, current=cur.scan) for one, (ref, cur, _) in zip(results, part, strict=True)
-    ]
+    return [one.with_scans(ref.scan, cur.scan) for one, (ref, cur, _) in zip(results, part, strict=True)]

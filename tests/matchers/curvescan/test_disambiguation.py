@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -189,7 +187,7 @@ def test_along_one_long_wall_other_places_are_looked_at_but_where_a_guess_says_w
     walls = direction_of_walls(ref, assessment)
     assert abs(walls[0]) == pytest.approx(1.0, abs=1e-3)
     assert walls[2] == 0.0
-    known = replace(assessment, information=np.array([1e5, 2e5, 1e6]))  # as if people fixed it
+    known = assessment._replace(information=np.array([1e5, 2e5, 1e6]))  # as if people fixed it
     weighed = weigh(Problem(ref, cur, None, CONFIG), pose, np.array([0.8]))
     weighed.evidence[0, SMALL] = 0.5  # people stand about
     assert weighed.is_one_way

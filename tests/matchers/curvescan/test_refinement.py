@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.association import FORWARD
+from curvescan.matchers.curvescan.association import BACKWARD, FORWARD, motion_of
 from curvescan.matchers.curvescan.config import RefinementConfig
 from curvescan.matchers.curvescan.features.range_image import reading_at
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, VARIANCE, X, Y
@@ -25,7 +25,8 @@ def test_the_gradient_is_the_derivative_of_the_residuals(seed, inverse):
     n_told = 0
     for surfel in a.image.samples[:20]:
         system = np.zeros(9)
-        accumulate(surfel[np.newaxis], b.image, pose, -1.0 if inverse else 1.0, 0.05, 0.0, system)
+        motion = motion_of(pose, BACKWARD if inverse else FORWARD)
+        accumulate(surfel[np.newaxis], b.image, motion, 0.05, 0.0, np.empty((3, 1)), system)
         if not system.any():
             continue
         n_told += 1
@@ -51,7 +52,7 @@ def one_residual(n_sigmas, turn=0.0):
     surfel[[X, Y]] *= (normal @ centre + distance) / (normal @ surfel[[X, Y]])
     surfel[[NX, NY]] = cs.se2.rotation(turn) @ normal
     system = np.zeros(N_SUMS)
-    accumulate(surfel[np.newaxis], ref.image, np.zeros(3), FORWARD, 0.0, 0.0, system)
+    accumulate(surfel[np.newaxis], ref.image, motion_of(np.zeros(3), FORWARD), 0.0, 0.0, np.empty((3, 1)), system)
     return system
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.features import features as feature_rules
+from curvescan.matchers.curvescan.config import SegmentsConfig
 from curvescan.matchers.curvescan.features.range_image import place_of, reading_at, reading_beside
+from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
 from curvescan.simulation import SENSORS, simulate_pairs
 from tests.matchers.curvescan.scenes import features
 from tests.reference import curvescan as slow
@@ -82,7 +83,7 @@ def test_the_covariance_of_noisy_scans_is_that_of_their_errors(sigma):
     assert 2.0 < np.mean(nees) < 4.5
 
 
-def test_noise_does_not_cut_a_wall_into_pieces(monkeypatch):
+def test_noise_does_not_cut_a_wall_into_pieces():
     angles = np.radians(np.arange(-60.0, 60.5, 0.5))
     rng = np.random.default_rng(0)
 
@@ -95,9 +96,10 @@ def test_noise_does_not_cut_a_wall_into_pieces(monkeypatch):
         assert len(one.bounds) - 1 == 1
         # across the wall the directions stay known: the arm grows with the noise
         assert np.abs(one.image.surfels[:, 6]).mean() < 0.2
-    monkeypatch.setattr(feature_rules, "_JUMP_GROWTH", 0.0)
-    monkeypatch.setattr(feature_rules, "_ARM_GROWTH", 0.0)
-    assert len(features(wall(0.05)).bounds) - 1 > 5
+    scan, config = wall(0.05), SegmentsConfig()  # by the jump of a scan without noise
+    beams = scan.ranges, scan.directions, scan.valid, scan.angles[:0]
+    sweep = Sweep(*beams, scan.angle_increment, is_clockwise=False, is_closed=False)
+    assert len(ordered_readings(sweep, config.incidence_limit, config.jump)[2]) - 1 > 5
 
 
 @pytest.mark.parametrize("n_beams", [181, 359, 360, 361])

@@ -98,18 +98,23 @@ def distances(x: float, y: float, surfels: Floats, j: int) -> tuple[float, float
 
 @kernel
 def project(surfels: Floats, motion: Motion, image: RangeImage) -> Floats:
-    """Return (3, m) the readings, moved, in the frame of the other scan, and where they stand in its azimuth table.
+    """Return (3, m) the readings, moved, in the frame of the other scan, and where they stand in its azimuth table."""
+    placed = np.empty((3, surfels.shape[0]))
+    project_into(placed, surfels, 0, surfels.shape[0], motion, image)
+    return placed
+
+
+@kernel
+def project_into(placed: Floats, surfels: Floats, low: int, high: int, motion: Motion, image: RangeImage) -> None:
+    """Write what :func:`project` gives of readings low to high, exclusive, to these columns of (3, m) `placed`.
 
     In loops of their own, without a branch, which the compiler turns into vector instructions: three times as fast.
     """
-    n = surfels.shape[0]
-    placed = np.empty((3, n))
-    for i in range(n):
+    for i in range(low, high):
         placed[X_THERE, i], placed[Y_THERE, i] = projected(surfels, i, motion)
     azimuth_min, slots_a_radian = image.azimuth[AZIMUTH_MIN], image.azimuth[SLOTS_A_RADIAN]
-    for i in range(n):
+    for i in range(low, high):
         placed[PLACE, i] = place_in(placed[X_THERE, i], placed[Y_THERE, i], azimuth_min, slots_a_radian)
-    return placed
 
 
 @kernel

@@ -7,15 +7,17 @@ the best score.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess_pose
 from curvescan.matchers.curvescan.assessment.confidence import GUESSED_REPETITION, WeighedPoses, weigh
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
 from curvescan.matchers.curvescan.pose_difference import distance
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, FINE, select
@@ -32,10 +34,10 @@ _AS_GOOD, _AS_GOOD_MARGIN = (
 _FINE_STEP = 0.05  # metres at the typical reading: steps in which the best place along a direction is looked for
 _MAX_TURN = 0.5  # radians: turns along it are tried up to this angle
 _OTHER = 0.1  # metres, and half of it in radians: refined poses nearer to one another are one
+_FINISH = (*FINE, _N_TOP, 4096, _OTHER)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RefinedCandidates:
+class RefinedCandidates(NamedTuple):
     """The candidates that come near the best, refined on all readings."""
 
     weighed: WeighedPoses  # poses of the current scan in the reference and what speaks for each, the most likely first
@@ -100,7 +102,9 @@ def top_candidates(
     """Return the best pose and those that come near it, refined on all readings, best first, and their scores."""
     if not len(found.scores):
         return found.poses, found.scores
-    near = found.poses[found.scores > CONTESTED * found.scores[0]]
+    scores = found.scores.tolist()
+    rows = [k for k, score in enumerate(scores) if score > CONTESTED * scores[0]]
+    near = found.poses[: len(rows)] if rows == list(range(len(rows))) else found.poses[rows]
     return _finish(ref, cur, near, config)
 
 
@@ -120,11 +124,27 @@ def search_degenerate_direction(
 def _finish(
     ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig
 ) -> tuple[Floats, Floats]:
-    sigmas = config.refinement.closer_schedule, EXACTLY
-    final = refine_fully(poses, ref.image, cur.image, *sigmas)
-    # one pose has only to be enough; several are compared on more samples
-    images = (ref.image, cur.image) if len(poses) <= 1 else (ref.wide_image, cur.wide_image)
-    return select(final, *images, *FINE, _N_TOP, 4096, _OTHER)
+    wide = ref.wide_image.samples, cur.wide_image.samples
+    return finish(poses, ref.image, cur.image, wide, config.refinement.closer_schedule, EXACTLY, _FINISH)
+
+
+@kernel
+def finish(
+    poses: Floats,
+    ref: RangeImage,
+    cur: RangeImage,
+    wide: tuple[Floats, Floats],
+    closer: Floats,
+    full: Floats,
+    limits: tuple[float, float, int, int, float],
+) -> tuple[Floats, Floats]:
+    """Return poses refined on all readings, best first, and their scores; limits: the arguments of `select`."""
+    final = refine_fully(poses, ref, cur, closer, full)
+    if len(poses) > 1:  # one pose has only to be enough; several are compared on more samples
+        ref = RangeImage(samples=wide[0], surfels=ref.surfels, azimuth=ref.azimuth, table=ref.table)
+        cur = RangeImage(samples=wide[1], surfels=cur.surfels, azimuth=cur.azimuth, table=cur.table)
+    tolerance, slope, n_kept, n_first, min_difference = limits
+    return select(final, ref, cur, tolerance, slope, n_kept, n_first, min_difference)
 
 
 def competing_hypotheses(scores: Floats) -> list[int]:

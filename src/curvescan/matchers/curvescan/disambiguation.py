@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,6 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     Assessment,
     assess_pose,
     degenerate_directions,
-    is_uninformed,
     without_dynamic,
 )
 from curvescan.matchers.curvescan.assessment.bare_box import is_in_box
@@ -85,8 +85,7 @@ class AssessedPose:
         return np.zeros((3, 3)) if self.assessment is None else self.assessment.information_matrix(self.is_degenerate)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Verdict:
+class Verdict(NamedTuple):
     """What comes of a match."""
 
     outcome: Outcome  # MATCHED, or why not
@@ -238,8 +237,7 @@ def _candidate(problem: Problem, assessed: AssessedPose, row: int, log_odds: flo
     ref, cur, _, config = problem
     pose = assessed.poses[row]
     found = assess_pose(ref, cur, pose, config)
-    is_open = is_uninformed(found, config.information)
-    return Candidate(pose=pose, log_odds=log_odds, information=found.information_matrix(is_open))
+    return Candidate(pose=pose, log_odds=log_odds, information=found.information_matrix(found.is_open))
 
 
 def nearest_of_ties(guess: Pose | None, poses: Floats, scores: Floats, rows: list[int]) -> Pose:

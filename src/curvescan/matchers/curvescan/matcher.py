@@ -14,26 +14,23 @@ import numpy as np
 
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
 from curvescan.matchers.curvescan.assessment.evidence import N_EVIDENCE
+from curvescan.matchers.curvescan.assessment.labels import beam_labels
 from curvescan.matchers.curvescan.candidates import refine_candidates
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, competing_poses, disambiguate
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
 from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, propose
-from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
+from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.types import Codes, Cov, Floats
+from curvescan.types import Cov
 
-_LABELS = np.array([Label.NEW, Label.MATCHED, Label.DYNAMIC], dtype=np.uint8)
+_NO_CODES = np.empty(0, dtype=np.uint8)
 _MIN_PROBES = 6
 _NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
 _NOT_ASSESSED = AssessedPose(
     weighed=WeighedPoses(
-        poses=_NOTHING.poses,
-        scores=_NOTHING.scores,
-        evidence=np.empty((0, N_EVIDENCE)),
-        motions=np.empty(0),
-        is_guessed=np.empty(0, dtype=np.bool_),
+        _NOTHING.poses, _NOTHING.scores, np.empty((0, N_EVIDENCE)), np.empty(0), np.empty(0, dtype=np.bool_)
     ),
     is_degenerate=np.ones(3, dtype=np.bool_),
     ties=[],
@@ -85,6 +82,7 @@ class CurvescanMatcher:
 def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict: Verdict) -> MatchResult:
     """Return the result for users: the pose with its covariance and labels, or the outcome without one."""
     ref, cur, assessment = problem.reference, problem.current, verdict.assessment
+    scores: list[float] = assessed.weighed.scores.tolist()
     return MatchResult(
         method="curvescan",
         outcome=verdict.outcome,
@@ -92,11 +90,11 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
         covariance=NO_COVARIANCE if verdict.covariance is None else verdict.covariance,
         n_matched=assessment.n_inliers if assessment else 0,
         trace=CurvescanTrace(reference=ref, current=cur, candidates=found, assessed=assessed),
-        labels_reference=_labels(ref, assessment.codes_ref if assessment else None),
-        labels_current=_labels(cur, assessment.codes_cur if assessment else None),
+        labels_reference=beam_labels(ref.n_beams, ref.beam_idx, assessment.codes_ref if assessment else _NO_CODES),
+        labels_current=beam_labels(cur.n_beams, cur.beam_idx, assessment.codes_cur if assessment else _NO_CODES),
         degenerate_direction=assessment.weakest if assessment and verdict.is_degenerate else None,
-        score=_score(assessed.weighed.scores[:1]),
-        runner_up=_score(assessed.weighed.scores[1:]),
+        score=_score(scores[:1]),
+        runner_up=_score(scores[1:]),
         confidence=verdict.confidence,
         candidates=competing_poses(problem, assessed),
         information=_information(verdict, assessed),
@@ -111,12 +109,5 @@ def _information(verdict: Verdict, assessed: AssessedPose) -> Cov:
     return verdict.assessment.information_matrix(assessed.is_degenerate)
 
 
-def _score(scores: Floats) -> float:
-    return float(scores.max()) if len(scores) else math.nan
-
-
-def _labels(features: CurvescanFeatures, codes: Codes | None) -> Codes:
-    """Return a Label for each beam of a scan; readings are UNMATCHED where there are no codes."""
-    labels = np.zeros(features.n_beams, dtype=np.uint8)
-    labels[features.beam_idx] = Label.UNMATCHED if codes is None else _LABELS[codes]
-    return labels
+def _score(scores: list[float]) -> float:
+    return max(scores, default=math.nan)

@@ -16,10 +16,11 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.association import (
     BACKWARD,
     FORWARD,
+    Motion,
     associate,
     lever,
     motion_of,
-    project,
+    project_into,
     turned,
     turned_back,
 )
@@ -70,26 +71,19 @@ _LEAST_PIVOT = 1e-12  # so that no root is taken of what rounding makes negative
 def accumulate(
     surfels_a: Floats,
     view_b: RangeImage,
-    pose: Floats,
-    way: float,
+    motion: Motion,
     sigma_extra: float,
     slack_slope: float,
+    placed: Floats,
     system: Floats,
 ) -> None:
-    """Add the normal equations of the readings of scan a against the lines of scan b.
+    """Add to (9,) `system` the normal equations of the readings of scan a against the lines of scan b.
 
-    Parameters
-    ----------
-    pose, way : (3,) float64, float
-        Of the current scan in the reference; FORWARD where scan a is the current one, BACKWARD where the reference.
-    sigma_extra, slack_slope : float
-        Standard deviation of a residual besides the noise: metres, and metres more for each metre of range.
-    system : (9,) float64
-        What is added to: columns of normal_equations.py; theta turns about the current sensor.
+    The motion is FORWARD where scan a is the current one. A residual has this standard deviation besides the noise:
+    metres, and metres more for each metre of range. Theta turns about the current sensor. placed (3, m): room to work.
     """
-    surfels_b = view_b.surfels
-    motion = motion_of(pose, way)
-    placed = project(surfels_a, motion, view_b)
+    surfels_b, way = view_b.surfels, motion.way
+    project_into(placed, surfels_a, 0, surfels_a.shape[0], motion, view_b)
     for i in range(surfels_a.shape[0]):
         va = surfels_a[i, VARIANCE]
         if va < 0.0:
@@ -157,13 +151,16 @@ def refine(poses: Floats, ref: RangeImage, cur: RangeImage, sigmas: Floats) -> F
     """
     refined = poses.copy()
     system = np.empty(N_SUMS)
+    placed = np.empty((3, max(ref.samples.shape[0], cur.samples.shape[0])))
     for h in range(refined.shape[0]):
         pose = refined[h]
         for sigma_extra in sigmas:
             system[:] = 0.0
             slope = TURN_SIGMA * sigma_extra
-            accumulate(cur.samples, ref, pose, FORWARD, sigma_extra, slope, system)
-            accumulate(ref.samples, cur, pose, BACKWARD, sigma_extra, slope, system)
+            there = motion_of(pose, FORWARD)
+            back = Motion(there.c, there.s, there.x, there.y, BACKWARD)
+            accumulate(cur.samples, ref, there, sigma_extra, slope, placed, system)
+            accumulate(ref.samples, cur, back, sigma_extra, slope, placed, system)
             dx, dy, dtheta = solve(system, _DAMPING)
             step = max(abs(dx), abs(dy), abs(dtheta))
             shrink = _MAX_STEP / step if step > _MAX_STEP else 1.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -42,7 +40,9 @@ def assessed(*, n_inliers=20, n_readings=60, **fields):
         "axes": np.eye(3),
         "units": np.ones(3),
     }
-    return Assessment(**{**whole, **fields})
+    known = {**whole, **fields}
+    known["is_open"] = known["information"] < np.maximum(2.0 * known["spurious"], CONFIG.information.max_sigma**-2)
+    return Assessment(**known)
 
 
 def test_a_pose_is_assessed_from_both_scans():
@@ -142,7 +142,7 @@ def test_what_moved_is_left_out_of_the_pose():
         for name, features_of in (("is_static_ref", ref), ("is_static_cur", cur))
     }
     for changed in ({}, in_front):
-        moved = replace(found, n_dynamic=1, **changed)
+        moved = found._replace(n_dynamic=1, **changed)
         refined, again = without_dynamic(ref, cur, poses, moved, CONFIG)
         np.testing.assert_allclose(refined[0], MOTION, atol=3e-3)
         np.testing.assert_array_equal(refined[1], poses[1])  # only the first is refined

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.assessment.assessment import assess_pose, is_uninformed
+from curvescan.matchers.curvescan.assessment.assessment import assess_pose
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.objects import find_objects
 from curvescan.simulation.buildings.rooms import corridor
@@ -54,7 +54,7 @@ def test_the_jamb_of_a_door_is_of_the_wall():
 def test_what_one_object_or_a_few_people_alone_fix_is_open(people):
     ref, cur = corridor_with(*people), corridor_with(*people)
     assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
-    assert is_uninformed(assessment, CONFIG.information).tolist() == [True, False, False]
+    assert assessment.is_open.tolist() == [True, False, False]
     assert abs(assessment.weakest[0]) > 0.99
 
 
@@ -62,8 +62,8 @@ def test_what_one_object_or_a_few_people_alone_fix_is_open(people):
 def test_doors_and_rooms_are_measured(doors):
     recesses = [(x, 1.0, 0.25) for x in doors]
     ref, cur = corridor_with(recesses=recesses), corridor_with(recesses=recesses)
-    assert not is_uninformed(assess_pose(ref, cur, np.zeros(3), CONFIG), CONFIG.information).any()
-    assert not is_uninformed(assess_pose(*pair(), MOTION, CONFIG), CONFIG.information).any()
+    assert not assess_pose(ref, cur, np.zeros(3), CONFIG).is_open.any()
+    assert not assess_pose(*pair(), MOTION, CONFIG).is_open.any()
 
 
 def test_a_scan_without_readings_has_no_objects():

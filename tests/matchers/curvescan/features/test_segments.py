@@ -10,7 +10,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import SegmentsConfig
-from curvescan.matchers.curvescan.features.segments import MAX_GAP, ordered_readings
+from curvescan.matchers.curvescan.features.segments import MAX_GAP, Sweep, ordered_readings
 from tests.matchers.curvescan.scenes import pillar_scan
 from tests.reference import curvescan as slow
 
@@ -19,15 +19,16 @@ CONFIG = SegmentsConfig()
 
 def run_sweep(scan, told_by_angles=False):
     return ordered_readings(
-        scan.ranges,
-        scan.directions,
-        scan.valid,
-        scan.angle_increment < 0,
-        scan.is_full_circle,
-        abs(scan.angle_increment),
-        scan.angles if told_by_angles else scan.angles[:0],
+        Sweep(
+            scan.ranges,
+            scan.directions,
+            scan.valid,
+            scan.angles if told_by_angles else scan.angles[:0],
+            abs(scan.angle_increment),
+            scan.angle_increment < 0,
+            scan.is_full_circle,
+        ),
         CONFIG.incidence_limit,
-        MAX_GAP,
         CONFIG.jump,
     )
 

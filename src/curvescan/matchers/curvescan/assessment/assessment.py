@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.assessment.information import covariance, pose_information
+from curvescan.matchers.curvescan.assessment.information import covariance, information_matrix, pose_information
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, compare_readings, static_segments
 from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, CurvescanConfig, InformationConfig, ScoringConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
-from curvescan.matchers.curvescan.features.objects import Objects
-from curvescan.matchers.curvescan.features.range_image import RangeImage
+from curvescan.matchers.curvescan.features.objects import Surfaces
 from curvescan.matchers.curvescan.proposal.scoring import FINE, best_beside
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine
 from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
@@ -25,8 +24,7 @@ _FLAT_SCORE = 0.92
 """A weak direction is open when the scans agree there by this share of their score."""
 
 
-@dataclass(frozen=True, eq=False)
-class Assessment:
+class Assessment(NamedTuple):
     """What two scans say of a pose."""
 
     # codes_ref, codes_cur: (m,), (k,): what each reading is to the other scan; codes of labels.py
@@ -46,6 +44,8 @@ class Assessment:
     spurious: Floats
     axes: Floats
     units: Floats
+    # (3,): of which of them the readings say next to nothing, or no more than tilted lines
+    is_open: Bools
 
     @property
     def weakest(self) -> Pose:
@@ -63,9 +63,7 @@ class Assessment:
 
     def information_matrix(self, is_degenerate: Bools) -> Cov:
         """Return the (3, 3) information on the pose, zero along the principal directions that are open."""
-        axes = self.axes[:, ~is_degenerate] / self.units[:, np.newaxis]
-        matrix: Cov = (axes * np.maximum(self.information[~is_degenerate], 0.0)) @ axes.T
-        return matrix
+        return information_matrix(self.information, self.axes, self.units, is_degenerate)
 
     def covariance(self, is_degenerate: Bools, config: InformationConfig) -> Cov:
         """Return the (3, 3) covariance of the pose, wide in the open directions."""
@@ -76,7 +74,7 @@ def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, conf
     """Return what the scans say of a pose of the current scan in the reference."""
     rules = config.scoring
     limits = rules.margin, 2.0 * LIKELY_SIGMAS, rules.margin, config.information.max_sigma**-2
-    return Assessment(*assess(ref.image, ref.bounds, ref.objects, cur.image, cur.bounds, cur.objects, pose, limits))
+    return Assessment(*assess(ref.surfaces, cur.surfaces, pose, limits))
 
 
 @kernel
@@ -94,36 +92,33 @@ def remove_dynamic(codes: Codes, partner: Ints, is_static: Bools) -> int:
 
 @kernel
 def assess(
-    ref: RangeImage,
-    bounds_ref: Ints,
-    objects_ref: Objects,
-    cur: RangeImage,
-    bounds_cur: Ints,
-    objects_cur: Objects,
-    pose: Floats,
-    limits: tuple[float, float, float, float],
-) -> tuple[Codes, Codes, Ints, Ints, int, Bools, Bools, int, Floats, Floats, Floats, Floats]:
+    scan_ref: Surfaces, scan_cur: Surfaces, pose: Floats, limits: tuple[float, float, float, float]
+) -> tuple[Codes, Codes, Ints, Ints, int, Bools, Bools, int, Floats, Floats, Floats, Floats, Bools]:
     """Return the fields of an Assessment, in their order.
 
     limits: margin as in ScoringConfig, standard deviations and metres of the mean by which a surface has moved, and
     the least information that is any.
     """
     margin, limit, least, least_information = limits
+    ref, cur = scan_ref.image, scan_cur.image
     c, s = math.cos(pose[2]), math.sin(pose[2])
     back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
     codes_cur, partner_cur = compare_readings(cur.surfels, ref, pose, margin)
     codes_ref, partner_ref = compare_readings(ref.surfels, cur, back, margin)
     is_static_cur, n_dynamic_cur = static_segments(
-        cur.surfels, bounds_cur, partner_cur, ref.surfels, pose, limit, least
+        cur.surfels, scan_cur.bounds, partner_cur, ref.surfels, pose, limit, least
     )
     is_static_ref, n_dynamic_ref = static_segments(
-        ref.surfels, bounds_ref, partner_ref, cur.surfels, back, limit, least
+        ref.surfels, scan_ref.bounds, partner_ref, cur.surfels, back, limit, least
     )
     n_inliers = remove_dynamic(codes_cur, partner_cur, is_static_cur)
     remove_dynamic(codes_ref, partner_ref, is_static_ref)
     information, spurious, axes, units = pose_information(
-        ref.surfels, objects_ref, partner_ref, cur.surfels, objects_cur, partner_cur, pose, least_information
+        ref.surfels, scan_ref.objects, partner_ref, cur.surfels, scan_cur.objects, partner_cur, pose, least_information
     )
+    is_open = np.empty(3, dtype=np.bool_)
+    for k in range(3):
+        is_open[k] = information[k] < max(2.0 * spurious[k], least_information)
     n_dynamic = n_dynamic_cur + n_dynamic_ref
     return (
         codes_ref,
@@ -138,14 +133,8 @@ def assess(
         spurious,
         axes,
         units,
+        is_open,
     )
-
-
-def is_uninformed(assessment: Assessment, config: InformationConfig) -> Bools:
-    """Return (3,) whether the readings say next to nothing, or no more than tilted lines, of a principal direction."""
-    information = assessment.information
-    is_so: Bools = (information < 2.0 * assessment.spurious) | (information < config.max_sigma**-2)
-    return is_so
 
 
 def degenerate_directions(
@@ -157,7 +146,7 @@ def degenerate_directions(
     to nothing; and the least informed, if it is weak, also when the scans agree as well some way along it.
     """
     rules, images = config.information, (ref.image, cur.image)
-    is_degenerate = is_uninformed(assessment, rules)
+    is_degenerate = assessment.is_open.copy()
     if assessment.is_weakly_observable(rules) and not is_degenerate[0]:
         offsets = rules.max_sigma * _DOUBLED
         here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *FINE)

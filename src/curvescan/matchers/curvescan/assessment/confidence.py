@@ -29,7 +29,7 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     WEAKEST,
     gather_evidence,
 )
-from curvescan.matchers.curvescan.pose_difference import difference
+from curvescan.matchers.curvescan.features.objects import Surfaces
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.types import Bools, Floats
 
@@ -85,6 +85,7 @@ _FEW, _FEW_SEEN_THROUGH = _ROW["few"], _ROW["few_seen_through"]
 _COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", "motion"))
 """Rows of a pose's terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice."""
 
+_STAND_STILL = np.zeros(3)
 _EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
 _DOUBTFUL = 0.1  # of what agrees: a pose contradicted beyond that rules out none that explains more
 _BARE_MOTION = 1.45  # metres plus radians, 1 m and 26 degrees: in a bare room more may be half a turn
@@ -100,7 +101,7 @@ _FADING_OF_TWO, _FADING = (0.5, 0.25)  # for each metre and radian: how fast the
 _MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees, its pose next to standing still
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class WeighedPoses:
     """Poses of one match and what speaks for each, the most likely first."""
 
@@ -112,13 +113,8 @@ class WeighedPoses:
 
     def rows(self, order: list[int]) -> WeighedPoses:
         """Return some of the poses, in another order."""
-        return WeighedPoses(
-            poses=self.poses[order],
-            scores=self.scores[order],
-            evidence=self.evidence[order],
-            motions=self.motions[order],
-            is_guessed=self.is_guessed[order],
-        )
+        poses, scores, evidence = self.poses[order], self.scores[order], self.evidence[order]
+        return WeighedPoses(poses, scores, evidence, self.motions[order], self.is_guessed[order])
 
     @cached_property
     def _rows(self) -> list[list[float]]:
@@ -138,7 +134,11 @@ class WeighedPoses:
 
     def log_odds(self, k: int, is_degenerate: bool = False) -> float:
         """Return the log odds that one pose is right and the scans have not nothing in common."""
-        return _weighted(_WEIGHTS, self._terms_at(k, is_degenerate))
+        return _weighted(_WEIGHTS, self._terms_at(k, True)) if is_degenerate else self._odds[k]
+
+    @cached_property
+    def _odds(self) -> list[float]:
+        return [_weighted(_WEIGHTS, terms) for terms in self._terms]
 
     def _terms_at(self, k: int, is_degenerate: bool) -> list[float]:
         if not is_degenerate:
@@ -152,7 +152,7 @@ class WeighedPoses:
 
         A large motion makes any pose less certain; which of two is right it hardly says.
         """
-        odds = self.log_odds(k)
+        odds = self._odds[k]
         for row in (_MOTION, _FEW_MOTION):
             odds -= (1.0 - _MOTION_OF_RANK) * _WEIGHTS[row] * self._terms[k][row]
         return -odds
@@ -190,7 +190,7 @@ class WeighedPoses:
     @property
     def is_hopeless(self) -> bool:
         """Whether no pose comes near the confidence of a match: neither search along walls nor refinement helps."""
-        return max(map(self.log_odds, range(len(self.poses)))) < _HOPELESS
+        return max(self._odds) < _HOPELESS
 
     @property
     def is_one_way(self) -> bool:
@@ -265,27 +265,25 @@ def terms_of(evidence: Floats, motions: Floats, is_guessed: Bools) -> Floats:
     return terms
 
 
+@kernel
+def weigh_poses(
+    ref: Surfaces, cur: Surfaces, poses: Floats, around: Floats, near: float, margin: float
+) -> tuple[Floats, Floats, Bools]:
+    """Return the evidence of (k, 3) poses, how far each is from (3,) `around`, and whether nearer than `near`."""
+    motions, is_near = np.empty(poses.shape[0]), np.empty(poses.shape[0], dtype=np.bool_)
+    for k in range(motions.size):
+        turn = poses[k, 2] - around[2]
+        turn -= 2.0 * math.pi * np.rint(turn / (2.0 * math.pi))
+        motions[k] = math.hypot(poses[k, 0] - around[0], poses[k, 1] - around[1]) + abs(turn)
+        is_near[k] = motions[k] < near
+    return gather_evidence(ref, cur, poses, margin), motions, is_near
+
+
 def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
     """Return poses with their evidence, the most likely first."""
     ref, cur, guess, config = problem
-    around = np.zeros(3) if guess is None else guess
-    offsets = [difference(pose, around) for pose in poses]
-    motions = np.array([math.hypot(x, y) + abs(theta) for x, y, theta in offsets])
-    weighed = WeighedPoses(
-        poses=poses,
-        scores=scores,
-        evidence=gather_evidence(
-            ref.image,
-            ref.bounds,
-            ref.objects.is_small,
-            cur.image,
-            cur.bounds,
-            cur.objects.is_small,
-            poses,
-            config.scoring.margin,
-        ),
-        motions=motions,
-        is_guessed=(motions < _NEAR_GUESS) & np.bool_(guess is not None),
-    )
+    around, near = (_STAND_STILL, 0.0) if guess is None else (guess, _NEAR_GUESS)
+    found = weigh_poses(ref.surfaces, cur.surfaces, poses, around, near, config.scoring.margin)
+    weighed = WeighedPoses(poses, scores, *found)
     order = sorted(range(len(poses)), key=weighed.rank) if len(poses) > 1 else [0]
     return weighed if order == list(range(len(order))) else weighed.rows(order)

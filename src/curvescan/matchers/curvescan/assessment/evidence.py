@@ -24,8 +24,7 @@ from curvescan.matchers.curvescan.association import (
     turned,
     turned_back,
 )
-from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE
-from curvescan.matchers.curvescan.features.range_image import RangeImage
+from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE, Surfaces
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
 
@@ -45,46 +44,24 @@ _PARALLEL = 0.9  # cosine
 
 
 @kernel
-def gather_evidence(
-    ref: RangeImage,
-    bounds_ref: Ints,
-    small_ref: Bools,
-    cur: RangeImage,
-    bounds_cur: Ints,
-    small_cur: Bools,
-    poses: Floats,
-    margin: float,
-) -> Floats:
-    """Return (k, N_EVIDENCE) the evidence of (k, 3) poses of the current scan in the reference.
-
-    bounds and `is_small` of the Objects of both scans; `margin` as in ScoringConfig.
-    """
+def gather_evidence(ref: Surfaces, cur: Surfaces, poses: Floats, margin: float) -> Floats:
+    """Return (k, N_EVIDENCE) the evidence of (k, 3) poses; `margin` as in ScoringConfig."""
     found = np.zeros((poses.shape[0], N_EVIDENCE))
     for k in range(poses.shape[0]):
         n_misfits = 0.0
         for way in (FORWARD, BACKWARD):
             scan, other = (cur, ref) if way > 0.0 else (ref, cur)
-            bounds = bounds_cur if way > 0.0 else bounds_ref
-            small, small_other = (small_cur, small_ref) if way > 0.0 else (small_ref, small_cur)
-            n_misfits += add_evidence(scan.surfels, bounds, small, other, small_other, poses[k], way, margin, found[k])
+            n_misfits += add_evidence(scan, other, poses[k], way, margin, found[k])
         for column in range(N_EVIDENCE):
             found[k, column] *= 1.0 / max(n_misfits, 1.0) if column == MISFIT else 0.5
     return found
 
 
 @kernel
-def add_evidence(
-    surfels: Floats,
-    bounds: Ints,
-    is_small: Bools,
-    other: RangeImage,
-    is_small_other: Bools,
-    pose: Floats,
-    way: float,
-    margin: float,
-    found: Floats,
-) -> int:
+def add_evidence(scan: Surfaces, other_scan: Surfaces, pose: Floats, way: float, margin: float, found: Floats) -> int:
     """Add what the readings of one scan say of a pose to (N_EVIDENCE,) `found`; return how many have a misfit."""
+    surfels, bounds, is_small = scan.image.surfels, scan.bounds, scan.objects.is_small
+    other, is_small_other = other_scan.image, other_scan.objects.is_small
     codes = np.zeros(surfels.shape[0], dtype=np.uint8)
     motion = motion_of(pose, way)
     placed = project(surfels, motion, other)

@@ -57,22 +57,9 @@ def add_information(
 ) -> None:
     """Add the information of the readings of one scan, each against its partner's line.
 
-    Each counts for the whole, for the object that it is of, and for the one that its partner is of.
-
-    Parameters
-    ----------
-    surfels, surfels_other, objects : (m, 10), (k, 10) float64, tuple of Objects
-        Readings of both scans, and their objects.
-    partner : (m,) int64
-        Reading of the other scan, -1 for none.
-    pose : (3,) float64
-        Of the current scan in the reference.
-    way : float
-        FORWARD where `surfels` is the current scan, BACKWARD where it is the reference.
-    system : (15,) float64
-        What is added to; see INFORMATION and the columns after it.
-    parts : (n_cur + n_ref + 1, 12) float64
-        The same triangles of each object of the current scan, then of the reference; last of all that stand free.
+    Each counts for the whole, for the object that it is of, and for the one that its partner is of. system (15,):
+    columns from INFORMATION on; parts (n_cur + n_ref + 1, 12): the same triangles of each object of the current scan,
+    then of the reference; last of all that stand free.
     """
     motion = motion_of(pose, way)
     n_objects = objects[0].is_free.size if way > 0.0 else objects[1].is_free.size
@@ -201,19 +188,9 @@ def pose_information(
 
     A direction is measured only if it stays so without any one object, and without the few that stand free: what one
     object alone fixes moves with it. Where leaving one out opens a direction, with less than `least` information or no
-    more than twice the spurious part, it is left out.
-
-    Returns
-    -------
-    information : (3,) float64
-        Information in each direction, 1 / m^2, ascending, less the spurious part.
-    spurious : (3,) float64
-        Spurious information from tilted lines, in the same directions.
-    axes : (3, 3) float64
-        Columns: the directions, orthonormal over x, y and theta times `lever`.
-    units : (3,) float64
-        1, 1 and 1 / lever: what one unit of each row of `axes` is in metres, metres and radians; the lever is the
-        root mean square distance of the readings.
+    more than twice the spurious part, it is left out. information, spurious (3,): 1/m^2, ascending, less the spurious
+    part of tilted lines, and that part; axes (3, 3): columns, orthonormal over x, y and theta times the root mean
+    square distance of the readings; units (3,): what one unit of each row of `axes` is in metres, metres and radians.
     """
     system = np.zeros(_N_COLUMNS)
     parts = np.zeros((objects_cur.is_free.size + objects_ref.is_free.size + 1, CHI2))
@@ -252,6 +229,19 @@ def count_free(parts: Floats, is_free_cur: Bools, is_free_ref: Bools) -> int:
         of = parts[is_free_cur.size + k]
         n_ref += is_free_ref[k] and of[XX] + of[YY] > 0.0
     return max(n_cur, n_ref)
+
+
+@kernel
+def information_matrix(information: Floats, axes: Floats, units: Floats, is_open: Bools) -> Floats:
+    """Return the (3, 3) information on a pose, zero along the principal directions that are open."""
+    matrix = np.zeros((3, 3))
+    for k in range(3):
+        if is_open[k] or information[k] <= 0.0:
+            continue
+        for i in range(3):
+            for j in range(3):
+                matrix[i, j] += information[k] * (axes[i, k] / units[i]) * (axes[j, k] / units[j])
+    return matrix
 
 
 @kernel

@@ -19,6 +19,7 @@ from curvescan.matchers.curvescan.association import (
 from curvescan.matchers.curvescan.config import REACH, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.surfels import RANGE, VARIANCE
+from curvescan.matchers.result import Label
 from curvescan.types import Bools, Codes, Floats, Ints
 
 OCCLUDED, INLIER, DYNAMIC = 0, 1, 2
@@ -27,6 +28,9 @@ OCCLUDED, INLIER, DYNAMIC = 0, 1, 2
 IN_FRONT = 0.05
 """Metres, besides twice what may lie apart, by which a reading stands before the other scan's surface to be another
 thing. A reading without a line agrees so far across: of a thing as small as that the far side may be seen."""
+
+_LABELS = (int(Label.NEW), int(Label.MATCHED), int(Label.DYNAMIC))  # of each code
+_UNMATCHED = int(Label.UNMATCHED)
 
 _MIN_PARTNERS = 4
 """Readings of a segment from which on its mean says whether it moved."""
@@ -70,6 +74,15 @@ def compare_readings(surfels: Floats, other: RangeImage, pose: Floats, margin: f
 
 
 @kernel
+def beam_labels(n_beams: int, beam_idx: Ints, codes: Codes) -> Codes:
+    """Return (n_beams,) a Label for each beam, of the (m,) codes of the readings, if there are any."""
+    labels = np.zeros(n_beams, dtype=np.uint8)
+    for i in range(beam_idx.size):
+        labels[beam_idx[i]] = _LABELS[codes[i]] if codes.size else _UNMATCHED
+    return labels
+
+
+@kernel
 def static_segments(
     surfels: Floats, bounds: Ints, partner: Ints, surfels_other: Floats, pose: Floats, limit: float, least: float
 ) -> tuple[Bools, int]:
@@ -77,29 +90,8 @@ def static_segments(
 
     A leg that took a small step agrees reading by reading, and yet lies to one side with all of them: a surface has
     moved when the mean distance of its readings from their partners' lines exceeds `limit` standard deviations of
-    that mean, and `least`: lasers have errors that the readings of a wall share.
-
-    Parameters
-    ----------
-    surfels, surfels_other : (m, 10), (k, 10) float64
-        Readings of both scans.
-    bounds : (s + 1,) int64
-        Surface k is surfels[bounds[k]:bounds[k + 1]].
-    partner : (m,) int64
-        Reading of the other scan, -1 for none.
-    pose : (3,) float64
-        Of the readings' scan in the other.
-    limit : float
-        Standard deviations.
-    least : float
-        Metres.
-
-    Returns
-    -------
-    at_rest : (m,) bool
-        False on surfaces that moved; True on those with fewer than four partners.
-    n_dynamic : int
-        Surfaces that moved.
+    that mean, and `least` metres: lasers have errors that the readings of a wall share. One with fewer than four
+    partners has not. partner (m,): reading of the other scan, -1 for none; pose: of the readings' scan in the other.
     """
     is_static = np.empty(surfels.shape[0], dtype=np.bool_)
     n_dynamic = 0

@@ -21,10 +21,12 @@ _LEAST_NORM2 = 1e-12  # square metres, so that a scan without surfaces is not di
 def direction_histogram(surfels: Floats) -> Floats:
     """Return (120,) the length of surface that faces each direction, smoothed, of unit norm."""
     counts = np.zeros(N_DIRECTIONS)
-    for i in range(surfels.shape[0]):
-        place = (bearing(surfels[i, NX], surfels[i, NY]) + math.pi) * float(N_DIRECTIONS) / (2.0 * math.pi)
-        k = min(int(place), N_DIRECTIONS - 1)
-        share = place - k
+    places = np.empty(surfels.shape[0])
+    for i in range(places.size):  # in a loop of its own, which the compiler turns into vector instructions
+        places[i] = (bearing(surfels[i, NX], surfels[i, NY]) + math.pi) * float(N_DIRECTIONS) / (2.0 * math.pi)
+    for i in range(places.size):
+        k = min(int(places[i]), N_DIRECTIONS - 1)
+        share = places[i] - k
         counts[k] += (1.0 - share) * surfels[i, LENGTH]
         counts[k + 1 if k < N_DIRECTIONS - 1 else 0] += share * surfels[i, LENGTH]
     smooth = np.empty(N_DIRECTIONS)

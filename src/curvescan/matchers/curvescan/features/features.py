@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.matchers.curvescan.config import CurvescanConfig, SegmentsConfig
+from curvescan._jit import kernel
+from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
 from curvescan.matchers.curvescan.features.keypoints import find_corners, with_ends
-from curvescan.matchers.curvescan.features.objects import Objects, find_objects
+from curvescan.matchers.curvescan.features.objects import Objects, Surfaces, find_objects
 from curvescan.matchers.curvescan.features.range_image import SIGMA, RangeImage, azimuth_table, uneven_azimuth_table
 from curvescan.matchers.curvescan.features.sampling import choose_samples
-from curvescan.matchers.curvescan.features.segments import MAX_GAP, ordered_readings
+from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
 from curvescan.matchers.curvescan.features.surfels import fit_lines, fit_surfels
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Ints
@@ -48,6 +49,11 @@ class CurvescanFeatures(NamedTuple):
         return float(self.image.azimuth[SIGMA])
 
     @property
+    def surfaces(self) -> Surfaces:
+        """What is assessed of the scan."""
+        return Surfaces(self.image, self.bounds, self.objects)
+
+    @property
     def points(self) -> Floats:
         """(m, 2) readings, metres, sensor frame."""
         return self.image.surfels[:, :2]
@@ -56,57 +62,67 @@ class CurvescanFeatures(NamedTuple):
 def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatures:
     """Return the features of a scan, also of one without a valid reading."""
     n, step = len(scan), abs(scan.angle_increment)
-    is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle
-    is_even = scan.has_uniform_angles
-    keypoints = config.keypoints
-    end_arm = keypoints.arms[len(keypoints.arms) // 2]
-    beam_idx, bounds, surfels, sums, sigma = _lines(scan, config.segments)
-    corners = find_corners(
-        surfels, sums, bounds, keypoints.arm_lengths, sigma, keypoints.min_turn, keypoints.max_keypoints
+    is_clockwise, is_closed, is_even = scan.angle_increment < 0.0, scan.is_full_circle, scan.has_uniform_angles
+    segments, keypoints = config.segments, config.keypoints
+    angles = scan.angles[:0] if is_even else scan.angles
+    n_slots = 0 if not is_even else max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
+    beam_idx, bounds, surfels, sigma, corners, few, more, objects, directions, table = extract(
+        Sweep(scan.ranges, scan.directions, scan.valid, angles, step, is_clockwise, is_closed),
+        (segments.incidence_limit, segments.jump, segments.arm, segments.range_sigma_min),
+        keypoints.arm_lengths,
+        keypoints.min_turn,
+        (keypoints.max_keypoints, config.scoring.n_samples, n_slots),
     )
-    corners_and_ends = with_ends(corners, surfels, sums, bounds, end_arm, is_closed, keypoints.max_keypoints)
     if is_even:
         angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
-        n_slots = max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
-        table, density = azimuth_table(beam_idx, n, n_slots, is_clockwise, is_closed), 1.0 / step
+        density = 1.0 / step
     else:
         angle_min = float(scan.angles[-1 if is_clockwise else 0])
         table, density = uneven_azimuth_table(beam_idx, scan.angles, step, is_closed)
     azimuth = np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma, density * step])
-    few = choose_samples(surfels, config.scoring.n_samples)
-    more = choose_samples(surfels, _N_WIDE)
     return CurvescanFeatures(
         n_beams=n,
         beam_idx=beam_idx,
         bounds=bounds,
-        objects=Objects(*find_objects(surfels, bounds)),
+        objects=objects,
         image=RangeImage(few, surfels, azimuth, table),
         wide_image=RangeImage(more, surfels, azimuth, table),
         full_image=RangeImage(surfels, surfels, azimuth, table),
-        keypoints=corners_and_ends,
-        directions=direction_histogram(surfels),
+        keypoints=corners,
+        directions=directions,
     )
 
 
-def _lines(scan: LaserScan, config: SegmentsConfig) -> tuple[Ints, Ints, Floats, Floats, float]:
-    """Return the beams, segments, surfels, moments and range noise of a scan.
+@kernel
+def extract(
+    sweep: Sweep,
+    lengths: tuple[float, float, float, float],
+    arms: Floats,
+    min_turn: float,
+    counts: tuple[int, int, int],
+) -> tuple[Ints, Ints, Floats, float, Floats, Floats, Floats, Objects, Floats, Ints]:
+    """Return beams, bounds, surfels, range noise, keypoints, samples, more samples, objects, directions and azimuths.
 
     What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
     depends on the noise, which is estimated from the lines: where it is large, segments and lines are found anew with
-    it.
+    it. lengths: incidence limit, jump, arm and least noise; counts: keypoints at most, samples, slots of the azimuth
+    table.
     """
-    jump, arm, step = config.jump, config.arm, abs(scan.angle_increment)
-    is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle
-    angles = scan.angles[:0] if scan.has_uniform_angles else scan.angles
-    ranges, directions, valid = scan.ranges, scan.directions, scan.valid
-    limits = config.incidence_limit, MAX_GAP
-    for is_last in (False, True):
-        beam_idx, readings, bounds = ordered_readings(
-            ranges, directions, valid, is_clockwise, is_closed, step, angles, *limits, jump
-        )
-        fits, sums, sigma = fit_lines(readings, bounds, arm, config.range_sigma_min)
-        if is_last or sigma <= _NOISY:
-            break
+    incidence_limit, jump, arm, sigma_min = lengths
+    max_keypoints, n_samples, n_slots = counts
+    beam_idx, readings, bounds = ordered_readings(sweep, incidence_limit, jump)
+    fits, sums, sigma = fit_lines(readings, bounds, arm, sigma_min)
+    if sigma > _NOISY:
         jump += _JUMP_GROWTH * (sigma - _NOISY)
         arm *= (sigma / _NOISY) ** _ARM_GROWTH
-    return beam_idx, bounds, fit_surfels(readings, fits, step, sigma), sums, sigma
+        beam_idx, readings, bounds = ordered_readings(sweep, incidence_limit, jump)
+        fits, sums, sigma = fit_lines(readings, bounds, arm, sigma_min)
+    surfels = fit_surfels(readings, fits, sweep.step, sigma)
+    # of the readings, whose rows are short and stay in the cache, and not of the surfels
+    corners = find_corners(readings, sums, bounds, arms, sigma, min_turn, max_keypoints)
+    keypoints = with_ends(corners, readings, sums, bounds, arms[arms.size // 2], sweep.is_closed, max_keypoints)
+    samples, wide = choose_samples(surfels, n_samples), choose_samples(surfels, _N_WIDE)
+    table = azimuth_table(beam_idx, sweep.ranges.size, n_slots, sweep.is_clockwise, sweep.is_closed)
+    label, is_free, is_small = find_objects(surfels, bounds)
+    objects = Objects(label, is_free, is_small)
+    return beam_idx, bounds, surfels, sigma, keypoints, samples, wide, objects, direction_histogram(surfels), table

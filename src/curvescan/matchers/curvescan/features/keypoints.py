@@ -57,18 +57,12 @@ def arm_direction(sums: Floats, low: int, high: int, dx: float, dy: float) -> tu
 
 @kernel
 def measure_bends(
-    surfels: Floats, sums: Floats, bounds: Ints, arm: float, straight: float, bend: Floats, lows: Ints, highs: Ints
+    readings: Floats, sums: Floats, bounds: Ints, arm: float, straight: float, bend: Floats, lows: Ints, highs: Ints
 ) -> None:
     """Write how much the surface turns at each reading (1 - cosine), and the ends of its arms.
 
-    Parameters
-    ----------
-    arm : float
-        Length of the arms on both sides, metres.
-    straight : float
-        Square, its sign kept, of the cosine of the least turn that is looked at.
-    bend, lows, highs : (m,) float64, int64, int64
-        What is written; `bend` is 0, and the others are not touched, where a surface is straight or an arm too short.
+    straight: square, its sign kept, of the cosine of the least turn that is looked at. `bend` is 0, and the ends are
+    not touched, where a surface is straight or an arm too short.
     """
     arm2 = arm * arm
     least2 = _ARM_REACHED2 * arm2
@@ -81,24 +75,24 @@ def measure_bends(
         for i in range(start, stop):
             if i < upcoming:
                 continue
-            x, y = surfels[i, X], surfels[i, Y]
+            x, y = readings[i, X], readings[i, Y]
             while low < i:
-                dx, dy = surfels[low, X] - x, surfels[low, Y] - y
+                dx, dy = readings[low, X] - x, readings[low, Y] - y
                 if dx * dx + dy * dy <= arm2 or i - low <= 2:
                     break
                 low += 1
             high = max(high, i)
             while high + 1 < stop:
-                dx, dy = surfels[high + 1, X] - x, surfels[high + 1, Y] - y
+                dx, dy = readings[high + 1, X] - x, readings[high + 1, Y] - y
                 if dx * dx + dy * dy > arm2 and high - i >= 2:
                     break
                 high += 1
             if i - low < 2 or high - i < 2:
                 continue
-            dx, dy = surfels[low, X] - x, surfels[low, Y] - y
+            dx, dy = readings[low, X] - x, readings[low, Y] - y
             if dx * dx + dy * dy < least2:
                 continue
-            dx, dy = surfels[high, X] - x, surfels[high, Y] - y
+            dx, dy = readings[high, X] - x, readings[high, Y] - y
             if dx * dx + dy * dy < least2:
                 continue
             # chords to the middle of each arm, times its readings: a mean's end is half as noisy
@@ -129,12 +123,12 @@ def is_sharpest(bend: Floats, i: int, low: int, high: int) -> bool:
 
 @kernel
 def corner_between(
-    surfels: Floats, sums: Floats, low: int, i: int, high: int, arm: float
+    readings: Floats, sums: Floats, low: int, i: int, high: int, arm: float
 ) -> tuple[float, float, float, float]:
     """Return place, direction and turn of the corner at reading i between the lines low..i - 1 and i + 1..high."""
-    x, y = surfels[i, X], surfels[i, Y]
-    inx, iny = arm_direction(sums, low, i - 1, x - surfels[low, X], y - surfels[low, Y])
-    outx, outy = arm_direction(sums, i + 1, high, surfels[high, X] - x, surfels[high, Y] - y)
+    x, y = readings[i, X], readings[i, Y]
+    inx, iny = arm_direction(sums, low, i - 1, x - readings[low, X], y - readings[low, Y])
+    outx, outy = arm_direction(sums, i + 1, high, readings[high, X] - x, readings[high, Y] - y)
     cross, dot = inx * outy - iny * outx, inx * outx + iny * outy
     if abs(cross) > 0.5:
         # where the two lines meet is sharper than any reading
@@ -151,10 +145,10 @@ def corner_between(
 
 @kernel
 def find_corners(
-    surfels: Floats, sums: Floats, bounds: Ints, arms: Floats, sigma: float, min_turn: float, max_keypoints: int
+    readings: Floats, sums: Floats, bounds: Ints, arms: Floats, sigma: float, min_turn: float, max_keypoints: int
 ) -> Floats:
     """Return (k, 5) corners at each arm length, max_keypoints at most."""
-    m = surfels.shape[0]
+    m = readings.shape[0]
     found = np.empty((max_keypoints, 5))
     n_found = 0
     bend = np.empty(m)
@@ -163,7 +157,7 @@ def find_corners(
     min_bend = 1.0 - math.cos(min_turn)
     straight = math.cos(0.5 * min_turn) * abs(math.cos(0.5 * min_turn))
     for a in range(arms.size - 1, -1, -1):
-        measure_bends(surfels, sums, bounds, arms[a], straight, bend, lows, highs)
+        measure_bends(readings, sums, bounds, arms[a], straight, bend, lows, highs)
         for s in range(bounds.size - 1):
             for i in range(bounds[s] + 1, bounds[s + 1] - 1):
                 if bend[i] < min_bend or n_found >= max_keypoints:
@@ -171,7 +165,7 @@ def find_corners(
                 low, high = lows[i], highs[i]
                 if not is_sharpest(bend, i, low, high):
                     continue
-                x, y, direction, turn = corner_between(surfels, sums, low, i, high, arms[a])
+                x, y, direction, turn = corner_between(readings, sums, low, i, high, arms[a])
                 # a line through n readings over an arm tilts by sigma sqrt(12 / n) / arm
                 doubt = sigma * math.sqrt(_TILT2 / float(i - low) + _TILT2 / float(high - i)) / arms[a]
                 if abs(turn) < max(min_turn, SURE_SIGMAS * doubt):
@@ -185,10 +179,10 @@ def find_corners(
 
 @kernel
 def with_ends(
-    corners: Floats, surfels: Floats, sums: Floats, bounds: Ints, arm: float, is_closed: bool, max_ends: int
+    corners: Floats, readings: Floats, sums: Floats, bounds: Ints, arm: float, is_closed: bool, max_ends: int
 ) -> Floats:
     """Return (k, 5) corners, then physical ends of surfaces, which hide nothing nearer than themselves."""
-    m, n_found = surfels.shape[0], corners.shape[0]
+    m, n_found = readings.shape[0], corners.shape[0]
     found = np.empty((n_found + max_ends, 5))
     for i in range(n_found):  # one by one: assigning a slice takes more than a second to compile
         for column in range(5):
@@ -204,14 +198,14 @@ def with_ends(
                 if not is_closed:
                     continue
                 j = m - 1 if j < 0 else 0
-            if surfels[j, RANGE] < surfels[i, RANGE] or n_found >= found.shape[0]:
+            if readings[j, RANGE] < readings[i, RANGE] or n_found >= found.shape[0]:
                 continue
             k = i
             way = 1 if side == 0 else -1
-            x, y = surfels[i, X], surfels[i, Y]
+            x, y = readings[i, X], readings[i, Y]
             far = 0.0
             while start <= k + way < stop:
-                dx, dy = surfels[k + way, X] - x, surfels[k + way, Y] - y
+                dx, dy = readings[k + way, X] - x, readings[k + way, Y] - y
                 if dx * dx + dy * dy > arm * arm:
                     break
                 far = dx * dx + dy * dy
@@ -219,9 +213,9 @@ def with_ends(
             if abs(k - i) < 3 or far < _END_REACHED2 * arm * arm:
                 continue
             low, high = min(i, k), max(i, k)
-            dx, dy = surfels[high, X] - surfels[low, X], surfels[high, Y] - surfels[low, Y]
+            dx, dy = readings[high, X] - readings[low, X], readings[high, Y] - readings[low, Y]
             ux, uy = arm_direction(sums, low, high, dx, dy)
-            if abs(ux * y - uy * x) < _GRAZED * surfels[i, RANGE]:
+            if abs(ux * y - uy * x) < _GRAZED * readings[i, RANGE]:
                 continue
             found[n_found, FX], found[n_found, FY] = x, y
             found[n_found, DIRECTION] = math.atan2(uy, ux)

@@ -9,6 +9,7 @@ their range noise hardly leads off the wall.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,6 +39,18 @@ _NEAR_LIMIT = 0.9
 
 _WIDEST = 10.0
 """Gap of a beam's turn beyond it, in ranges times the sine of the turn."""
+
+
+class Sweep(NamedTuple):
+    """What a scan saw, as the kernels take it."""
+
+    ranges: Floats  # (n,): metres
+    directions: Points  # (n, 2): unit vectors of the beams
+    valid: Bools  # (n,): which readings are measurements
+    angles: Floats  # (n,): direction of each beam, radians, where these are not evenly spaced; empty where they are
+    step: float  # from a beam to the next, radians, > 0
+    is_clockwise: bool
+    is_closed: bool  # whether the last beam neighbours the first
 
 
 @kernel
@@ -91,31 +104,21 @@ def widest_gap(turn: float, incidence_limit: float) -> float:
 
 
 @kernel
-def break_order(
-    ranges: Floats,
-    directions: Points,
-    valid: Bools,
-    is_clockwise: bool,
-    is_closed: bool,
-    step: float,
-    angles: Floats,
-    incidence_limit: float,
-    max_gap: int,
-    jump: float,
-) -> tuple[Ints, Bools]:
+def break_order(sweep: Sweep, incidence_limit: float, jump: float) -> tuple[Ints, Bools]:
     """Return (m,) the beams with readings, counter-clockwise, and (m,) whether a surface begins at each of them."""
+    ranges, directions, angles, step = sweep.ranges, sweep.directions, sweep.angles, sweep.step
     n = ranges.size
     m = 0
     order = np.empty(n, dtype=np.int64)
     for i in range(n):
-        k = n - 1 - i if is_clockwise else i
-        if valid[k]:
+        k = n - 1 - i if sweep.is_clockwise else i
+        if sweep.valid[k]:
             order[m] = k
             m += 1
     breaks = np.empty(m, dtype=np.bool_)
     # the gap that a surface may show, per metre of range, after 1, 2, ... steps
-    slope = np.empty(max_gap + 2)
-    for g in range(max_gap + 2):
+    slope = np.empty(MAX_GAP + 2)
+    for g in range(MAX_GAP + 2):
         slope[g] = widest_gap(g * step, incidence_limit)
     for i in range(m):
         breaks[i] = True
@@ -123,7 +126,7 @@ def break_order(
         a = order[i - 1] if i > 0 else order[m - 1]
         skipped = abs(b - a)
         if i == 0:
-            if not is_closed or m < 3:
+            if not sweep.is_closed or m < 3:
                 continue
             skipped = n - skipped
         turn = skipped * step
@@ -131,7 +134,7 @@ def break_order(
             turn = abs(angles[b] - angles[a])
             turn = max(2.0 * math.pi - turn, 0.0) if i == 0 else turn
             skipped = int(turn / step + 0.5)
-        if skipped > max_gap + 1:
+        if skipped > MAX_GAP + 1:
             continue
         near = min(ranges[a], ranges[b])
         dx = ranges[b] * directions[b, 0] - ranges[a] * directions[a, 0]
@@ -143,34 +146,14 @@ def break_order(
 
 
 @kernel
-def ordered_readings(
-    ranges: Floats,
-    directions: Points,
-    valid: Bools,
-    is_clockwise: bool,
-    is_closed: bool,
-    step: float,
-    angles: Floats,
-    incidence_limit: float,
-    max_gap: int,
-    jump: float,
-) -> tuple[Ints, Floats, Ints]:
+def ordered_readings(sweep: Sweep, incidence_limit: float, jump: float) -> tuple[Ints, Floats, Ints]:
     """Return the valid readings counter-clockwise from a breakpoint on, and where surfaces end.
 
-    `angles` has the direction of each beam where these are not evenly spaced, and is empty where they are.
-
-    Returns
-    -------
-    beam_idx : (m,) int64
-        The scan's own index of each reading.
-    readings : (m, 3) float64
-        x, y and range, metres, sensor frame.
-    bounds : (s + 1,) int64
-        Segment k is readings[bounds[k]:bounds[k + 1]].
+    beam_idx (m,): the scan's own index of each; readings (m, 3): x, y and range, metres; bounds (s + 1,): segment k is
+    readings[bounds[k]:bounds[k + 1]].
     """
-    order, breaks = break_order(
-        ranges, directions, valid, is_clockwise, is_closed, step, angles, incidence_limit, max_gap, jump
-    )
+    ranges, directions = sweep.ranges, sweep.directions
+    order, breaks = break_order(sweep, incidence_limit, jump)
     m = order.size
     join_grazed(ranges, directions, order, breaks)
     first = 0

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
+from curvescan.matchers.curvescan.association import BACKWARD, FORWARD, motion_of
 from curvescan.matchers.curvescan.config import QUICK_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage, bearing
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY
@@ -32,14 +32,13 @@ _SIGMA = QUICK_SIGMAS[-1]
 def rotation_hypotheses(histogram_ref: Floats, histogram_cur: Floats, n_rotations: int, around: Floats) -> Floats:
     """Return (k, 3) the pose `around`, and its place with the rotations at which the histograms correlate best."""
     n = histogram_ref.size
-    likeness = np.zeros(n)
-    for shift in range(n):
-        total = 0.0
-        for k in range(n - shift):
-            total += histogram_cur[k] * histogram_ref[k + shift]
-        for k in range(n - shift, n):
-            total += histogram_cur[k] * histogram_ref[k + shift - n]
-        likeness[shift] = total
+    likeness, twice = np.zeros(n), np.empty(2 * n)
+    for k in range(n):
+        twice[k] = twice[k + n] = histogram_ref[k]
+    for k in range(n):
+        length = histogram_cur[k]
+        for shift in range(n):  # the inner loop, as the compiler then turns it into vector instructions
+            likeness[shift] += length * twice[k + shift]
     poses = np.empty((n_rotations + 1, 3))
     for k in range(3):
         poses[0, k] = around[k]
@@ -126,18 +125,7 @@ def aligned_translations(
 ) -> Floats:
     """Return each pose moved to where walls of both scans coincide, n_peaks places a axis at most.
 
-    Parameters
-    ----------
-    poses : (h, 3) float64
-        Of the current scan in the reference.
-    ref, cur : (p, 10) float64
-        Surfels of both scans, a few that stand for all.
-    reach : float
-        How far a pose is moved along each axis at most, metres.
-    bin_width : float
-        Width of a vote, metres.
-    n_peaks : int
-        Distances taken along each of the two axes.
+    It is moved by `reach` metres along each axis at most; walls coincide within bins of `bin_width` metres.
     """
     moved = np.empty((poses.shape[0] * n_peaks * n_peaks, 3))
     count = 0
@@ -164,11 +152,12 @@ def degenerate_hypotheses(
     moved_along = np.empty((poses.shape[0] * n_each, 3))
     count = 0
     system = np.empty(N_SUMS)
+    placed = np.empty((3, max(ref.samples.shape[0], cur.samples.shape[0])))
     for h in range(poses.shape[0]):
         pose = poses[h]
         system[:] = 0.0
-        accumulate(cur.samples, ref, pose, FORWARD, _SIGMA, TURN_SIGMA * _SIGMA, system)
-        accumulate(ref.samples, cur, pose, BACKWARD, _SIGMA, TURN_SIGMA * _SIGMA, system)
+        accumulate(cur.samples, ref, motion_of(pose, FORWARD), _SIGMA, TURN_SIGMA * _SIGMA, placed, system)
+        accumulate(ref.samples, cur, motion_of(pose, BACKWARD), _SIGMA, TURN_SIGMA * _SIGMA, placed, system)
         half = 0.5 * (system[XX] - system[YY])
         root = math.sqrt(half * half + system[XY] * system[XY])
         mean = 0.5 * (system[XX] + system[YY])

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.association import FORWARD, Motion, associate, is_seen_through, project, turned
+from curvescan.matchers.curvescan.association import FORWARD, Motion, associate, is_seen_through, project_into, turned
 from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_beside
 from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, SPACING, VARIANCE, X, Y
@@ -38,17 +38,24 @@ _MAX_ALIKE = 4
 
 @kernel
 def score_samples(
-    samples: Floats, image: RangeImage, x: float, y: float, c: float, s: float, tolerance: float, slope: float
+    samples: Floats,
+    low: int,
+    high: int,
+    image: RangeImage,
+    motion: Motion,
+    tolerance: float,
+    slope: float,
+    placed: Floats,
 ) -> float:
-    """Return the agreements less half the contradictions of samples of one scan in another.
+    """Return the agreements less half the contradictions of samples low to high of one scan in another.
 
-    (x, y), c and s are the place and the direction's cosine and sine of the first in the second.
+    motion: FORWARD, of the first scan into the second; placed (3, m): room to work in.
     """
     score = 0.0
     surfels = image.surfels
-    motion = Motion(c, s, x, y, FORWARD)
-    placed = project(samples, motion, image)
-    for k in range(samples.shape[0]):
+    high = min(high, samples.shape[0])
+    project_into(placed, samples, low, high, motion, image)
+    for k in range(low, high):
         j, place, qx, qy, across, _ = associate(placed, k, image)
         if j < 0:
             continue
@@ -86,12 +93,13 @@ def score_pose(
     """
     x, y, theta = pose[0], pose[1], pose[2]
     c, s = math.cos(theta), math.sin(theta)
-    ix, iy = -c * x - s * y, s * x - c * y
+    there, back = Motion(c, s, x, y, FORWARD), Motion(c, -s, -c * x - s * y, s * x - c * y, FORWARD)
     n_ref, n_cur = ref.samples.shape[0], cur.samples.shape[0]
+    placed = np.empty((3, max(n_ref, n_cur)))
     low, high, score, rate = n_first - n_first, n_first, 0.0, 0.0  # not the constant 0: see explore
     while low < max(n_ref, n_cur):
-        score += score_samples(cur.samples[low:high], ref, x, y, c, s, tolerance, slope)
-        score += score_samples(ref.samples[low:high], cur, ix, iy, c, -s, tolerance, slope)
+        score += score_samples(cur.samples, low, high, ref, there, tolerance, slope, placed)
+        score += score_samples(ref.samples, low, high, cur, back, tolerance, slope, placed)
         rate = score / (min(high, n_ref) + min(high, n_cur))
         # few samples err more: what is certain of a score narrows with the root of their number
         if rate < least - _PROSPECT / math.sqrt(min(high, n_ref) + min(high, n_cur)):

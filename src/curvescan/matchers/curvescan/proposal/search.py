@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +37,7 @@ CONTESTED = 0.3
 _FEW_TRIED, _CERTAIN_SCORE = 24, 0.55
 """With fewer poses than this to try, other ways are tried up to the next score."""
 
-_STAND_STILL = np.zeros(3)
+_NO_POSES = np.empty((0, 3))
 _OTHER = 0.3  # metres, and half of it in radians: candidates nearer to one another are one, and the better is kept
 _SAME = 0.1  # metres, radians times 2 m: two candidates within it are one
 
@@ -54,8 +53,39 @@ class Problem(NamedTuple):
     config: CurvescanConfig  # all parameters
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Candidates:
+class Cues(NamedTuple):
+    """What of a scan proposes poses."""
+
+    image: RangeImage
+    keypoints: Floats  # (k, 5): columns as in keypoints.py
+    directions: Floats  # (120,): length of surface that faces each direction
+
+    @classmethod
+    def of(cls, features: CurvescanFeatures) -> Cues:
+        """Return those of a scan."""
+        return cls(features.image, features.keypoints, features.directions)
+
+
+class Effort(NamedTuple):
+    """How widely poses are looked for; as constants each would make Numba compile the kernels that take it anew."""
+
+    sigmas: Floats  # schedule of a quick refinement
+    min_turn: float  # by which the turns of two keypoints may differ, radians
+    max_pairs: int  # of keypoints
+    cell: float  # width of a cell of votes, metres
+    max_tried: int  # voted poses
+    n_rotations: int  # turns by the directions of surfaces
+    along_step: float  # of places along a corridor, metres
+    n_along: int  # places to each side
+    degenerate_ratio: float  # as in InformationConfig
+    # of rough, moved and closely refined poses: metres, and metres for each metre of range; how many of each are kept,
+    # and the samples that are tried first
+    tolerances: tuple[float, float, float, float, float, float]
+    n_kept: tuple[int, int, int]
+    n_first: tuple[int, int, int]
+
+
+class Candidates(NamedTuple):
     """The best poses found."""
 
     # (k, 3): poses that differ from one another, refined on the samples, best first; of the current scan in the
@@ -115,36 +145,47 @@ def search(ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose | None, c
     Where they find little support, and the best is not where the guess has it, the places where walls of both
     scans coincide are tried as well.
     """
-    steps = config.hypotheses
-    rotated = rotation_hypotheses(ref.directions, cur.directions, steps.n_rotations, _STAND_STILL)
-    if guess is not None:
-        rotated = np.concatenate((guess[np.newaxis], rotated))
-    pairs = pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, config.keypoints.min_turn, _MAX_PAIRS)
-    voted = most_voted(pairs, steps.cell, 0.5 * steps.cell, steps.max_tried)
-    found = _best(ref, cur, np.concatenate((rotated, voted)), config)
+    effort = _effort(config)
+    guesses = _NO_POSES if guess is None else guess[np.newaxis]
+    poses, scores, rotated, n_tried = propose_widely(guesses, Cues.of(ref), Cues.of(cur), effort)
+    found = Candidates(poses=poses, scores=scores, n_tried=n_tried)
     if not _is_doubtful(found, config) or _is_expected(found, guess, config):
         return found
     aligned = aligned_translations(
         rotated, ref.image.samples, cur.image.samples, _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED
     )
-    return _best(ref, cur, np.concatenate((found.poses, aligned)), config)
+    tried = np.concatenate((found.poses, aligned))
+    poses, scores = explore(tried, ref.image, cur.image, effort)
+    return Candidates(poses=poses, scores=scores, n_tried=len(tried))
 
 
-def _best(ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig) -> Candidates:
+def _effort(config: CurvescanConfig) -> Effort:
     steps = config.hypotheses
-    best, scores = explore(
-        poses,
-        ref.image,
-        cur.image,
+    return Effort(
         config.refinement.quick_schedule,
-        (*ROUGH, *MOVED_ALONG, *CLOSE),
-        (_N_KEPT, _N_KEPT + 1, 3),
-        (6, 12, 64),
+        config.keypoints.min_turn,
+        _MAX_PAIRS,
+        steps.cell,
+        steps.max_tried,
+        steps.n_rotations,
         steps.along_step,
         round(steps.along_reach / steps.along_step),
         config.information.degenerate_ratio,
+        (*ROUGH, *MOVED_ALONG, *CLOSE),
+        (_N_KEPT, _N_KEPT + 1, 3),
+        (6, 12, 64),
     )
-    return Candidates(poses=best, scores=scores, n_tried=len(poses))
+
+
+@kernel
+def propose_widely(guesses: Floats, ref: Cues, cur: Cues, effort: Effort) -> tuple[Floats, Floats, Floats, int]:
+    """Return the best poses that keypoints, directions and guesses propose, their scores, all turns, and how many."""
+    turns = rotation_hypotheses(ref.directions, cur.directions, effort.n_rotations, np.zeros(3))
+    rotated = stack(guesses, turns)
+    pairs = pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, effort.min_turn, effort.max_pairs)
+    tried = stack(rotated, most_voted(pairs, effort.cell, 0.5 * effort.cell, effort.max_tried))
+    poses, scores = explore(tried, ref.image, cur.image, effort)
+    return poses, scores, rotated, tried.shape[0]
 
 
 @kernel
@@ -159,34 +200,19 @@ def stack(first: Floats, second: Floats) -> Floats:
 
 
 @kernel
-def explore(
-    poses: Floats,
-    ref: RangeImage,
-    cur: RangeImage,
-    sigmas: Floats,
-    tolerances: tuple[float, float, float, float, float, float],
-    n_kept: tuple[int, int, int],
-    n_first: tuple[int, int, int],
-    along_step: float,
-    n_along: int,
-    degenerate_ratio: float,
-) -> tuple[Floats, Floats]:
+def explore(poses: Floats, ref: RangeImage, cur: RangeImage, effort: Effort) -> tuple[Floats, Floats]:
     """Return a few poses and their scores: the best of those given, refined.
 
     If need be they are moved along a degenerate direction and refined again.
-    `tolerances` are those of rough, moved and closely refined poses, metres and metres for each metre of range;
-    `n_kept` and `n_first` what is kept of each and the samples tried first. They are no constants, for each of which
-    Numba would compile `select` anew.
     """
-    rough, rough_slope, slid_tolerance, slid_slope, close, close_slope = tolerances
+    rough, rough_slope, moved, moved_slope, close, close_slope = effort.tolerances
+    n_kept, n_first = effort.n_kept, effort.n_first
     chosen, _ = select(poses, ref, cur, rough, rough_slope, n_kept[0], n_first[0], _OTHER)
-    quick = refine(chosen, ref, cur, sigmas)
-    moved_along = degenerate_hypotheses(quick[:2], ref, cur, along_step, n_along, degenerate_ratio)
+    quick = refine(chosen, ref, cur, effort.sigmas)
+    moved_along = degenerate_hypotheses(quick[:2], ref, cur, effort.along_step, effort.n_along, effort.degenerate_ratio)
     if moved_along.shape[0] > 0:
-        chosen, _ = select(
-            stack(quick, moved_along), ref, cur, slid_tolerance, slid_slope, n_kept[1], n_first[1], _OTHER
-        )
-        quick = refine(chosen, ref, cur, sigmas)
+        chosen, _ = select(stack(quick, moved_along), ref, cur, moved, moved_slope, n_kept[1], n_first[1], _OTHER)
+        quick = refine(chosen, ref, cur, effort.sigmas)
     return select(quick, ref, cur, close, close_slope, n_kept[2], n_first[2], _OTHER)
 
 
