@@ -201,40 +201,23 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "(ground)": (1636, 32, 0),
     "benchmarks": (534, 23, 0),
     "cli": (2648, 15, 0),
-<<<<<<< HEAD
     "diagnostics": (2024, 57, 0),
     "evaluation": (860, 15, 0),
     "io": (6210, 38, 0),
     "live": (2944, 41, 0),
     "mapping": (853, 17, 8),
-=======
-    "diagnostics": (2037, 57, 0),
-    "evaluation": (863, 15, 0),
-    "io": (6239, 38, 0),
-    "live": (2953, 41, 0),
-    "mapping": (854, 17, 8),
->>>>>>> main
     "matchers": (649, 5, 0),
     "matchers/baselines": (1679, 44, 35),
     "matchers/cfsma": (1112, 15, 17),
     "matchers/curvescan": (4161, 144, 30),
     "odometry": (2158, 30, 20),
     "paper": (1733, 84, 0),
-<<<<<<< HEAD
     "plots": (763, 37, 0),
     "runs": (1475, 14, 0),
     "runs/batch": (1949, 5, 0),
     "se2": (387, 0, 0),
     "simulation": (2073, 156, 0),
     "slam": (5823, 127, 37),
-=======
-    "plots": (763, 37, 0),
-    "runs": (1506, 15, 0),
-    "runs/batch": (1951, 5, 0),
-    "se2": (387, 0, 0),
-    "simulation": (2074, 156, 0),
-    "slam": (5823, 127, 37),
->>>>>>> main
 }
 """Lines, tuned numbers and config fields that a room may have: they go down, and this table with them."""
 
