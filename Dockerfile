@@ -14,7 +14,7 @@ COPY --from=build /wheels /wheels
 # the versions that the image was tried with; `make pins` takes new ones
 COPY constraints.txt /wheels/
 ARG CONSTRAINTS=/wheels/constraints.txt
-RUN pip install --no-cache-dir --constraint "$CONSTRAINTS" "$(echo /wheels/*.whl)[cloud,fast,lidar]" && rm -r /wheels
+RUN pip install --no-cache-dir --constraint "$CONSTRAINTS" "$(echo /wheels/*.whl)[cloud,lidar]" && rm -r /wheels
 
 ENV NUMBA_CACHE_DIR=/var/cache/curvescan/kernels \
     MPLCONFIGDIR=/var/cache/curvescan/matplotlib \

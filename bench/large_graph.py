@@ -13,7 +13,6 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.slam.pose_graph.optimization import Edges, optimize
-from curvescan.slam.pose_graph.sparse import has_qdldl
 from curvescan.types import Pose
 
 _N_LAP, _STEP, _EVERY = 1000, 0.5, 5
@@ -52,8 +51,7 @@ def main() -> None:
     off = np.hypot(*(found.poses - truth)[:, :2].T)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
     sys.stdout.write(
-        f"{n_poses:,} poses, {len(edges.ends):,} edges, {'qdldl' if has_qdldl() else 'splu'}: "
-        f"{seconds:.1f} s of processor, {found.n_iterations} iterations; error {off.mean():.3f} m on the mean; "
+        f"{n_poses:,} poses, {len(edges.ends):,} edges: {seconds:.1f} s of processor, {found.n_iterations} iterations; error {off.mean():.3f} m on the mean; "
         f"process {memory:.0f} MB\n"
     )
 

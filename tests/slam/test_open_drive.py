@@ -33,38 +33,37 @@ def drive() -> OpenDrive:
     """A drive of 0.1 m a scan."""
     drive = OpenDrive()
     for _ in range(200):
-        drive.add(_step(0.1, CLOSED))
-    drive.begin()
-    return drive
+        drive = drive.added(_step(0.1, CLOSED))
+    return drive.begun()
 
 
 def test_where_all_is_measured_the_odometry_is_believed(drive):
-    drive.add(_step(0.1, CLOSED))
+    drive = drive.added(_step(0.1, CLOSED))
     assert drive.known(WIDE) is WIDE
 
 
 def test_a_standstill_in_a_bare_corridor_hides_the_usual_drive(drive):
     for _ in range(5):
-        drive.add(_step(0.0, OPEN))
+        drive = drive.added(_step(0.0, OPEN))
     sigma = np.sqrt(np.diag(drive.known(WIDE).cov))
     np.testing.assert_allclose(sigma, [0.5, 0.001, 0.001], rtol=1e-3)
 
 
 def test_a_drive_as_usual_hides_nothing(drive):
     for _ in range(5):
-        drive.add(_step(0.1, OPEN))
+        drive = drive.added(_step(0.1, OPEN))
     assert drive.known(WIDE).cov[0, 0] < 1e-5
 
 
 def test_wheels_tell_the_way(drive):
     for _ in range(5):
-        drive.add(_step(0.0, OPEN, is_driven=True))
+        drive = drive.added(_step(0.0, OPEN, is_driven=True))
     assert drive.known(WIDE).cov[0, 0] < 1e-5
 
 
 def test_without_a_match_nothing_is_seen_of_the_way(drive):
     for _ in range(4):
-        drive.add(_step(0.0, None, outcome=StepOutcome.HELD))
+        drive = drive.added(_step(0.0, None, outcome=StepOutcome.HELD))
     vague = UncertainPose(np.zeros(3), np.diag([1e6, 1e6, 10.0]))
     sigma = np.sqrt(np.diag(drive.known(vague).cov))
     assert 0.4 < sigma[0] < 1.0
@@ -73,21 +72,21 @@ def test_without_a_match_nothing_is_seen_of_the_way(drive):
 
 
 def test_a_lost_sensor_may_be_anywhere(drive):
-    drive.add(_step(0.0, None, outcome=StepOutcome.LOST))
-    drive.add(_step(0.1, CLOSED))
+    drive = drive.added(_step(0.0, None, outcome=StepOutcome.LOST))
+    drive = drive.added(_step(0.1, CLOSED))
     assert drive.known(WIDE) is WIDE
-    drive.begin()
-    drive.add(_step(0.0, OPEN))
+    drive = drive.begun()
+    drive = drive.added(_step(0.0, OPEN))
     assert drive.known(WIDE).cov[0, 0] < 1.0
 
 
 def test_before_anything_is_usual_the_odometry_says_how_little_is_known():
     drive = OpenDrive()
-    drive.add(_step(0.0, OPEN))
+    drive = drive.added(_step(0.0, OPEN))
     assert drive.known(WIDE) is WIDE
 
 
 def test_the_direction_turns_with_the_sensor(drive):
-    drive.add(_step(0.1, CLOSED, turn=np.pi / 2))
-    drive.add(_step(0.0, OPEN))
+    drive = drive.added(_step(0.1, CLOSED, turn=np.pi / 2))
+    drive = drive.added(_step(0.0, OPEN))
     np.testing.assert_allclose(drive.hidden, [0.0, 0.1], atol=1e-3)

@@ -8,8 +8,7 @@ from curvescan import se2
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.marginals import marginal_covariances
 from curvescan.slam.pose_graph.optimization import Edges, normal_equations, optimize
-from curvescan.slam.pose_graph.removal import carry_over, heir_of, remove_poses
-from curvescan.slam.pose_graph.sparse import block_pattern
+from curvescan.slam.pose_graph.removal import carry_over, heir_of
 from tests.slam.graphs import dead_reckoning, ladder, loop, measured_edges
 
 _N = 40
@@ -32,9 +31,8 @@ def _graph(seed: int) -> tuple[PoseGraph, np.ndarray]:
 def _optimize(graph: PoseGraph) -> np.ndarray:
     edges = Edges.of(graph.ends, graph.measured, graph.covariances)
     graph.poses[:] = optimize(graph.poses, edges, graph.weights, np.array([0])).poses
-    pattern = block_pattern(graph.n_poses, graph.ends, 3)
-    data, _, _ = normal_equations(graph.poses, edges, graph.weights, np.array([0]), pattern)
-    return marginal_covariances(pattern, data, np.array([0]))
+    information, _, _ = normal_equations(graph.poses, edges, graph.weights, np.array([0]))
+    return marginal_covariances(information, np.array([0]))
 
 
 def test_the_heir_is_one_of_the_place_that_a_closure_ties_best() -> None:
@@ -53,7 +51,7 @@ def test_the_poses_that_stay_move_by_less_than_they_are_uncertain() -> None:
         # the heir's closure errs by two or three hundredths
         assert np.hypot(*(by_heir - graph.poses[v])[:2]) < 0.15
         is_kept[v] = False
-    remove_poses(graph, is_kept)
+    graph.keep_poses(is_kept)
     assert graph.n_poses == _N - 4
     assert graph.ends.max() == _N - 5
     covariances = _optimize(graph)
@@ -70,7 +68,7 @@ def test_what_is_left_is_known_no_better_than_before() -> None:
     is_kept = np.ones(_N, dtype=np.bool_)
     carry_over(graph, 9, 9 + _N // 2)
     is_kept[9] = False
-    remove_poses(graph, is_kept)
+    graph.keep_poses(is_kept)
     after = _optimize(graph)
     grown = np.trace(after, axis1=1, axis2=2)[1:] / np.trace(before[is_kept], axis1=1, axis2=2)[1:]
     assert grown.min() > 0.98

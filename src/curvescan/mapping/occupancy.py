@@ -96,7 +96,8 @@ class OccupancyBuilder:
         self.config = as_config(config, OccupancyConfig())
         c = self.config
         self._steps = np.array([log_odds_of(p) for p in (c.hit, c.miss, c.lowest, c.highest)])
-        self._corner = np.zeros(2, dtype=np.int64)  # of the grid, in cells from the frame's origin
+        # corner of the grid, and of the box that scans have reached, in cells from the frame's origin
+        self._corner = self._first = self._beyond = np.zeros(2, dtype=np.int64)
         self._log_odds = np.zeros((0, 0), dtype=np.float32)
         self._marks = np.zeros((0, 0), dtype=np.int32)
         self._n_scans = 0
@@ -107,8 +108,8 @@ class OccupancyBuilder:
     def add(self, scan: LaserScan, pose: ArrayLike, ignored: Bools | None = None) -> None:
         """Enter a scan.
 
-        A valid reading is a hit where it ends and clears what lies before; a beam of which nothing came back (+inf)
-        clears its way to a finite range_max; any other reading does nothing.
+        A valid reading marks a hit where it ends and clears the cells before it. A beam without a return (+inf) clears
+        the cells up to a finite range_max. Other readings change nothing.
 
         Parameters
         ----------
@@ -146,9 +147,8 @@ class OccupancyBuilder:
             start = np.array([x, y]) / resolution
             turned = scan.directions[used] @ se2.rotation(theta).T
             ends = start + (reach / resolution)[:, np.newaxis] * turned
-            farthest = reach.max(initial=0.0) / resolution
-        if not self._holds(start - farthest, start + farthest):
-            self._cover(np.vstack([start, ends]))
+        low, high = ends.min(axis=0, initial=np.inf), ends.max(axis=0, initial=-np.inf)
+        self._cover(np.floor(np.minimum(low, start)), np.floor(np.maximum(high, start)) + 1.0)
         self._n_scans += 1
         mark_scan(
             self._log_odds,
@@ -163,12 +163,12 @@ class OccupancyBuilder:
 
     def grid(self) -> OccupancyGrid:
         """Return the map so far, cut to the cells that were seen; without any it has no cells."""
-        rows = np.flatnonzero(self._marks.any(axis=1))
-        columns = np.flatnonzero(self._marks.any(axis=0))
+        marks, log_odds = self._part(self._marks), self._part(self._log_odds)
+        rows, columns = np.flatnonzero(marks.any(axis=1)), np.flatnonzero(marks.any(axis=0))
         if not rows.size:
             rows = columns = np.array([0, -1])
-        seen = self._log_odds[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].copy()
-        corner = self._corner + np.array([columns[0], rows[0]])
+        seen = log_odds[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].copy()
+        corner = self._first + np.array([columns[0], rows[0]])
         return OccupancyGrid(log_odds=seen, origin=corner * self.config.resolution, config=self.config)
 
     def _is_clear(self, scan: LaserScan) -> Bools:
@@ -176,40 +176,37 @@ class OccupancyBuilder:
             return np.zeros(len(scan), dtype=np.bool_)
         return np.isposinf(scan.ranges)
 
-    def _holds(self, low: Floats, high: Floats) -> bool:
-        """Return whether the grid holds a box and, as places are rounded once more, a cell on each side."""
-        n_rows, n_columns = self._log_odds.shape
-        (left, bottom), (i, j) = low.tolist(), self._corner.tolist()
-        right, top = high.tolist()
-        return bool(left >= i + 1 and bottom >= j + 1 and right < i + n_columns - 1 and top < j + n_rows - 1)
+    def _part(self, cells: NDArray[Any]) -> NDArray[Any]:
+        """Return the part of the grid that scans have reached."""
+        (left, bottom), (right, top) = self._first - self._corner, self._beyond - self._corner
+        return cells[bottom:top, left:right]
 
-    def _cover(self, places: Points) -> None:
-        """Make the grid hold places, given in cells from the frame's origin."""
-        low, high = places.min(axis=0), places.max(axis=0)
-        if self._holds(low, high):
-            return
-        n_rows, n_columns = self._log_odds.shape
-        held = np.array([n_columns, n_rows])
-        first, beyond = np.floor(low) - 1.0, np.floor(high) + 2.0
-        if held.all():
-            first = np.minimum(first, self._corner)
-            beyond = np.maximum(beyond, self._corner + held)
-        check_map_size(beyond - first, self.config.resolution)
+    def _cover(self, first: Floats, beyond: Floats) -> None:
+        """Make the grid hold a box of cells, (2,) each, counted from the frame's origin, and take it for reached."""
+        corner = self._corner.astype(np.float64)
+        end = corner + self._log_odds.shape[::-1]
+        if self._log_odds.size:
+            first, beyond = np.minimum(first, self._first), np.maximum(beyond, self._beyond)
+        else:
+            corner = end = first
+        low, high = first - 1.0, beyond + 1.0  # places are rounded once more
+        if not ((low >= corner) & (high <= end)).all():
+            self._grow(low, high, corner, end)
+        self._first, self._beyond = first.astype(np.int64), beyond.astype(np.int64)
+
+    def _grow(self, low: Floats, high: Floats, corner: Floats, end: Floats) -> None:
+        check_map_size(high - low, self.config.resolution)
         # room to grow by half wherever it had to grow, so that few scans pay for it
-        margin = np.maximum(_FIRST_MARGIN, (beyond - first) // 2)
-        roomy_first = np.where(first < self._corner, first - margin, first)
-        roomy_beyond = np.where(beyond > self._corner + held, beyond + margin, beyond)
-        if _n_bytes(roomy_beyond - roomy_first) <= MAX_BYTES:
-            first, beyond = roomy_first, roomy_beyond
-        corner = first.astype(np.int64)
-        n_columns_new, n_rows_new = (int(n) for n in beyond - first)
-        log_odds = np.zeros((n_rows_new, n_columns_new), dtype=np.float32)
-        marks = np.zeros((n_rows_new, n_columns_new), dtype=np.int32)
-        if held.all():
-            i, j = self._corner - corner
-            log_odds[j : j + n_rows, i : i + n_columns] = self._log_odds
-            marks[j : j + n_rows, i : i + n_columns] = self._marks
-        self._corner, self._log_odds, self._marks = corner, log_odds, marks
+        margin = np.maximum(_FIRST_MARGIN, (high - low) // 2)
+        roomy_low, roomy_high = np.where(low < corner, low - margin, corner), np.where(high > end, high + margin, end)
+        if _n_bytes(roomy_high - roomy_low) <= MAX_BYTES:
+            low, high = roomy_low, roomy_high
+        old = self._part(self._log_odds), self._part(self._marks)
+        self._corner = low.astype(np.int64)
+        shape = tuple((high - low).astype(np.int64)[::-1].tolist())
+        self._log_odds, self._marks = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.int32)
+        # no more than was reached: what is not written takes no memory
+        self._part(self._log_odds)[:], self._part(self._marks)[:] = old
 
 
 def check_map_size(n_cells: Floats, resolution: float) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
@@ -36,7 +37,7 @@ FAILED = "#7b1fa2"
 PAIRED = "#00796b"
 FIRST, SECOND = "#0072b2", "#d55e00"
 """Of two scans: blue and vermilion of Okabe and Ito, which the colour-blind tell apart (Wong, Nat. Methods 8, 2011)."""
-SEGMENT_COLOURS = tuple(mpl.colormaps["tab10"].colors)  # type: ignore[attr-defined]
+SEGMENT_COLOURS: list[Any] = mpl.color_sequences["tab10"]
 _STYLE = Path(__file__).with_name("curvescan.mplstyle")
 _DPI = 150
 _MAX_TITLE = 160
@@ -48,12 +49,17 @@ def drawing(path: Path, width: float, height: float) -> Iterator[Figure]:
     # given as a file it would cost a quarter of a second: Matplotlib reads its thirty styles first
     style: Any = {name: value for name, value in mpl.rc_params_from_file(_STYLE).items() if name != "backend"}
     with mpl.rc_context(style):
-        figure = Figure(figsize=(width, height))
+        figure: Any = FigureCanvasAgg(Figure(figsize=(width, height), layout="constrained")).figure
         yield figure
         with warnings.catch_warnings():
             # names of files may be in any script; a box stands for what the font does not have
             warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)
-            figure.savefig(path, dpi=_DPI, bbox_inches="tight", pad_inches=0.1)
+            # laid out here: with bbox_inches="tight" Matplotlib draws twice, once to see how large it is
+            figure.set_dpi(_DPI)
+            figure.get_layout_engine().execute(figure)
+            figure.set_layout_engine(None)
+            box = figure.get_tightbbox().padded(0.1)
+            figure.savefig(path, dpi=_DPI, bbox_inches=box, pil_kwargs={"compress_level": 3})
 
 
 @contextmanager
@@ -94,10 +100,9 @@ def mark_ends(axes: Axes, poses: Pose, colour: str = PATH) -> None:
         axes.plot(*end[:, :2].T, mark, color="white", mec=colour, mew=1.4, ms=6, label=label)
 
 
-def segment_colour(k: int) -> tuple[float, float, float]:
+def segment_colour(k: int) -> Any:
     """Return the colour of segment k; ten colours in turn."""
-    colour: tuple[float, float, float] = SEGMENT_COLOURS[k % len(SEGMENT_COLOURS)]
-    return colour
+    return SEGMENT_COLOURS[k % len(SEGMENT_COLOURS)]
 
 
 def draw_map(path: Path, run: RunRecord, place: RunMaps, *, title: str, truth: Pose | None = None) -> None:
@@ -160,14 +165,12 @@ def draw_side_by_side(path: Path, log: Log, tracks: Mapping[str, Pose], truth: P
                 draw_truth(axes, from_first(truth[: len(track)]))
             axes.plot(*track[:, :2].T, color=PATH, lw=1.0, label="trajectory")
             mark_ends(axes, track)
-        handles = places[0].get_legend_handles_labels()
-        figure.legend(*handles, loc="outside lower center", ncols=5)
+        figure.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
 
 
 def draw_graph(path: Path, slam_map: SlamMap, cells: Points, *, title: str) -> None:
     """Save the pose graph of a map as a picture. cells (k, 2)."""
-    places = np.concatenate((cells, slam_map.poses[:, :2]))
-    with drawing_places(path, places) as (figure, [axes]):
+    with drawing_places(path, np.concatenate((cells, slam_map.poses[:, :2]))) as (figure, [axes]):
         as_place(axes, title)
         axes.plot(*cells.T, "s", color=GREY, ms=0.7, mew=0)
         plot_graph(slam_map, axes)

@@ -6,7 +6,7 @@ runs beside.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
-from curvescan.slam.jobs import Job, Problem
+from curvescan.slam.jobs import Problem, Solution, solve
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import LoopSearch
 from curvescan.slam.loops.audit import Contradiction
@@ -36,7 +36,7 @@ class Backend:
         self._search = LoopSearch(self._map, config)
         self.graph, self.heirs = self._map.graph, self._map.heirs
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="curvescan-slam")
-        self._job: Job | None = None
+        self._job: Future[Solution] | None = None
         self._job_due = 0
         self._n_scans = 0
 
@@ -95,9 +95,9 @@ class Backend:
         self._job = self._new_job()
         self._job_due = self._n_scans + self.config.optimizer.n_adopt
 
-    def _new_job(self, *, is_last: bool = False) -> Job:
+    def _new_job(self, *, is_last: bool = False) -> Future[Solution]:
         problem = Problem.of(self.graph, self._map.current)
-        return Job(problem, self.config.noise, self._pool, is_last=is_last)
+        return self._pool.submit(solve, problem, self.config.noise, is_last)
 
     def _await(self) -> None:
         """Take the result of the optimization under way, if one is."""

@@ -21,7 +21,6 @@ from curvescan.slam.loops.likelihood import difference
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.components import components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
-from curvescan.slam.pose_graph.removal import remove_poses
 from curvescan.slam.thinning import Heirs, thin
 from curvescan.types import Bools, Cov, Pose
 
@@ -209,7 +208,7 @@ class GrowingMap:
         for v, (heir, seen) in gone.items():
             self.heirs.add(numbers[v], numbers[heir], seen)
             self._motions[v + 1] = compose(self._motions[v], self._motions[v + 1])
-        remove_poses(self.graph, is_kept)
+        self.graph.keep_poses(is_kept)
         self.keyframes.keep(is_kept)
         rows = np.flatnonzero(is_kept).tolist()
         self.fragments = [self.fragments[k] for k in rows]

@@ -1,4 +1,4 @@
-"""Optimization beside the stream: it runs in a thread, and its result is taken a fixed number of scans later.
+"""Optimization: of a graph that grows in a thread beside the stream, its result taken a fixed number of scans later.
 
 The number of scans, not the clock, says when: the same input gives the same bits, however fast the machine is. The
 heavy parts, kernels and SuperLU, release Python's lock.
@@ -6,13 +6,13 @@ heavy parts, kernels and SuperLU, release Python's lock.
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from curvescan.slam.config import GATE, NoiseConfig
 from curvescan.slam.loops.belief import UNKNOWN
+from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.components import anchors_of, components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.marginals import marginal_covariances
@@ -25,14 +25,12 @@ from curvescan.slam.pose_graph.posterior import (
     with_own_noise,
     without_floor,
 )
-from curvescan.slam.pose_graph.robust import optimize_robustly
-from curvescan.slam.pose_graph.sparse import block_pattern
+from curvescan.slam.pose_graph.robust import RobustOptimum, optimize_robustly
 from curvescan.types import Cov, Floats, Ints, Pose
 
 _FROM_AFAR, _NEARBY = 0.05, 6.0
 """Convexity to begin with: where every edge is reconsidered, and where the optimum is near the one that the last job
 left."""
-
 
 _OPEN = 1.0
 """Variance of a match from which on it leaves a direction open, square metres."""
@@ -43,25 +41,17 @@ _LEAST_STEP = 1e-4
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
-    """A pose graph as it was when an optimization began; its arrays are copies.
+    """A pose graph as it was when an optimization began; its arrays are copies."""
 
-    Attributes
-    ----------
-    poses : (n, 3) float64
-        Poses.
-    ends, measured, covariances, kinds, weights
-        Of the edges; see PoseGraph.
-    current : int
-        The keyframe that scans hang on.
-    """
-
-    poses: Pose
+    poses: Pose  # (n, 3)
+    # of the m edges; see PoseGraph
     ends: Ints
     measured: Pose
     covariances: Cov
     kinds: Ints
     weights: Floats
-    current: int
+    least: Floats  # (m,): weight that each edge keeps: a closure none, a step a little
+    current: int = 0  # the keyframe that scans hang on
 
     @classmethod
     def of(cls, graph: PoseGraph, current: int) -> Problem:
@@ -73,74 +63,52 @@ class Problem:
             covariances=graph.covariances.copy(),
             kinds=graph.kinds.copy(),
             weights=graph.weights.copy(),
+            least=np.where(graph.is_closure, 0.0, _LEAST_STEP),
             current=current,
+        )
+
+    @classmethod
+    def of_map(cls, slam_map: SlamMap) -> Problem:
+        """Return the graph of a map."""
+        return cls(
+            poses=slam_map.poses,
+            ends=slam_map.ends,
+            measured=slam_map.measured,
+            covariances=slam_map.edge_covariances,
+            kinds=slam_map.kinds,
+            weights=slam_map.weights,
+            least=np.where(slam_map.kinds == EdgeKind.CLOSURE, 0.0, _LEAST_STEP),
+        )
+
+    def optimized(self, *, weights: Floats | None, least_convexity: float = _FROM_AFAR) -> RobustOptimum:
+        """Return the robust optimum, begun with some weights; None for all edges in full."""
+        edges = Edges.of(self.ends, self.measured, self.covariances)
+        anchors = anchors_of(components(self.ends, len(self.poses)))
+        return optimize_robustly(
+            self.poses, edges, self.least, anchors, limit=GATE, weights=weights, least_convexity=least_convexity
         )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Solution:
-    """What an optimization found.
+    """What an optimization found."""
 
-    Attributes
-    ----------
-    poses : (n, 3) float64
-        Revised poses.
-    weights : (m,) float64
-        Revised weights of the edges.
-    distances : (m,) float64
-        Squared Mahalanobis distance of each edge.
-    covariances : (n, 3, 3) float64
-        Covariance of each pose with the current keyframe known exactly.
-    current : int
-        That keyframe.
-    """
-
-    poses: Pose
-    weights: Floats
-    distances: Floats
-    covariances: Cov
+    poses: Pose  # (n, 3): revised
+    weights: Floats  # (m,): revised
+    covariances: Cov  # (n, 3, 3): of each pose with the current keyframe known exactly
     current: int
-
-
-class Job:
-    """An optimization under way."""
-
-    def __init__(
-        self, problem: Problem, noise: NoiseConfig, pool: ThreadPoolExecutor, *, is_last: bool = False
-    ) -> None:
-        self._future: Future[Solution] = pool.submit(solve, problem, noise, is_last)
-
-    def result(self) -> Solution:
-        """Return the solution, when it is there."""
-        return self._future.result()
 
 
 def solve(problem: Problem, noise: NoiseConfig, is_last: bool) -> Solution:
     """Return the robust optimum of a pose graph and its covariances."""
-    graph_edges = Edges.of(problem.ends, problem.measured, problem.covariances)
-    anchors = anchors_of(components(problem.ends, len(problem.poses)))
-    optimum = optimize_robustly(
-        problem.poses,
-        graph_edges,
-        least_weights(problem.kinds),
-        anchors,
-        limit=GATE,
-        weights=problem.weights,
-        least_convexity=_FROM_AFAR if is_last else _NEARBY,
-    )
+    optimum = problem.optimized(weights=problem.weights, least_convexity=_FROM_AFAR if is_last else _NEARBY)
     solved = replace(problem, poses=optimum.poses, weights=optimum.weights)
     return Solution(
-        poses=optimum.poses,
-        weights=optimum.weights,
-        distances=optimum.distances,
+        poses=solved.poses,
+        weights=solved.weights,
         covariances=covariances_seen_from(solved, noise),
         current=problem.current,
     )
-
-
-def least_weights(kinds: Ints) -> Floats:
-    """Return (m,) weight that each edge keeps: a closure none, a step a little."""
-    return np.where(kinds == EdgeKind.CLOSURE, 0.0, _LEAST_STEP)
 
 
 def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
@@ -174,8 +142,7 @@ def _marginals(poses: Pose, edges: Edges, weights: Floats, labels: Ints, k: int)
     edges, weights = edges.chosen(used), weights[used]
     anchors = anchors_of(labels)
     anchors[labels[k]] = k
-    pattern = block_pattern(len(poses), edges.ends, 3)
-    data, _, _ = normal_equations(poses, edges, weights, anchors, pattern)
-    found = marginal_covariances(pattern, data, anchors)
+    information, _, _ = normal_equations(poses, edges, weights, anchors)
+    found = marginal_covariances(information, anchors)
     found[labels != labels[k]] = UNKNOWN
     return found

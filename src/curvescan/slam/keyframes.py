@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 
@@ -13,6 +14,7 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.loops.overlap import N_SECTORS, range_profile
 from curvescan.slam.loops.place_index import PlaceIndex, Signature, signature
+from curvescan.slam.pose_graph.rows import Rows
 from curvescan.types import Bools, Floats, Ints
 
 
@@ -40,8 +42,8 @@ class Keyframes:
         self._matcher_config = matcher_config
         self._n_prepared = n_prepared
         self._all: list[Keyframe] = []
-        self._n_made = 0
-        self._profiles = np.zeros((16, 2, N_SECTORS))
+        self._numbers = itertools.count()
+        self._profiles = Rows((2, N_SECTORS))
         self.index = PlaceIndex()
         self._prepared: OrderedDict[int, PreparedScan] = OrderedDict()
 
@@ -53,13 +55,10 @@ class Keyframes:
 
     def add(self, scan: LaserScan, index: int, session: int = 0) -> int:
         """Append a keyframe and return its row."""
-        keyframe = Keyframe(scan=compact(scan), index=index, session=session, number=self._n_made)
-        self._n_made += 1
+        keyframe = Keyframe(scan=compact(scan), index=index, session=session, number=next(self._numbers))
         k = len(self._all)
         self._all.append(keyframe)
-        if k == len(self._profiles):
-            self._profiles = np.concatenate((self._profiles, np.zeros_like(self._profiles)))
-        self._profiles[k] = range_profile(keyframe.scan)
+        self._profiles.append(range_profile(keyframe.scan))
         self.index.add(self.signature(self.prepared(k)))
         return k
 
@@ -70,11 +69,9 @@ class Keyframes:
 
     def keep(self, is_kept: Bools) -> None:
         """Remove the keyframes that are not kept; the others keep their order and their numbers."""
-        rows = np.flatnonzero(is_kept)
-        for k in np.flatnonzero(~is_kept).tolist():
-            self._prepared.pop(self._all[k].number, None)
-        self._all = [self._all[k] for k in rows.tolist()]
-        self._profiles[: len(rows)] = self._profiles[rows]
+        for k in np.flatnonzero(~is_kept)[::-1].tolist():
+            self._prepared.pop(self._all.pop(k).number, None)
+        self._profiles.keep(is_kept)
         self.index.keep(is_kept)
 
     def signature(self, scan: PreparedScan) -> Signature:
@@ -85,7 +82,8 @@ class Keyframes:
     @property
     def profiles(self) -> Floats:
         """(n, 2, N_SECTORS) float64, a view: range profile of each keyframe."""
-        return self._profiles[: len(self._all)]
+        profiles: Floats = self._profiles.array
+        return profiles
 
     def prepared(self, k: int) -> PreparedScan:
         """Return a keyframe ready to be matched."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,18 +31,20 @@ from curvescan.slam.localization.correlative import contour_length
 from curvescan.slam.localization.grid_map import opened, with_field
 from curvescan.slam.localization.matching import Hit, MapMatcher, fused
 from curvescan.slam.localization.prior import Prior
-from curvescan.slam.localization.search import MapSearch, Place, is_same, said
-from curvescan.slam.localization.step import NOWHERE, as_step
+from curvescan.slam.localization.search import MapSearch, Place, Views, is_same, said
 from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.relative import between_steps
-from curvescan.types import Ints, Points
+from curvescan.types import Cov, Points
 
 _SEARCHED = np.diag(np.square([0.15, 0.15, 0.06]))
 """Covariance of a pose that the search found, as a guess for matches: metres and radians."""
 
 _LEAST_FIT, _WORSE_FIT = 0.2, 0.05
 """Least agreement with the map of a pose that matches confirm, and how much less than where the search found it."""
+
+_NOWHERE = UncertainPose(np.full(3, np.nan), np.full((3, 3), np.nan))
+"""The pose of a sensor that is searched for."""
 
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 
@@ -116,11 +119,10 @@ class Localizer:
             self.odometry = Odometry(self.method, matcher=self._matcher, config=self.config.odometry)
             self._deskewer = Deskewer()
             self._last: Step | None = None  # of the scan before
-        self._search.clear()
         self._here: UncertainPose | None = None  # at the last scan matched with the map
         self._keyframe = -1  # that it was matched with
         self._anchor: Step | None = None  # the odometry's step of that scan
-        self._view: Step | None = None  # the step of the last view of the search
+        self._views: tuple[Views, Step] | None = None  # of the search, and the step of the last one
         self._n_missed = 0  # scans in a row that should have matched the map
         self._n_lost = 0
         self._is_torn = False  # whether a motion since then was not measured, or is in doubt
@@ -169,23 +171,24 @@ class Localizer:
         scan : LaserScan
             Any scan, also one of another session.
         """
-        return tuple(self._confirmed(scan, self._search_alone(scan).winner))
+        return tuple(self._confirmed(scan, self._views_of(scan).winner))
 
     def _look(self, scan: LaserScan, step: Step) -> Step:
         """Look for the sensor in the whole map."""
-        moved = None
-        if self._view is not None and not self._is_torn:
-            moved = between_steps(self._view, step)
-            if self._is_near(moved, 0.7):
-                return as_step(step, NOWHERE, NOWHERE.cov, StepOutcome.SEARCHING)
+        before = None
+        if self._views is not None and not self._is_torn:
+            views, at = self._views
+            before = views, between_steps(at, step)
+            if self._is_near(before[1], 0.7):
+                return _as_step(step, _NOWHERE, _NOWHERE.cov, StepOutcome.SEARCHING)
         self._is_torn = False
         scan = self._deskewed(scan, step)
         similar = self._matching.similar(scan, self._n_tried)
-        self._search.add(_points(scan), moved, self._by_similarity(scan), similar, self._prior)
-        self._view = step
-        hits = self._confirmed(scan, self._search.winner, similar)
+        views = self._views_of(scan, prior=self._prior, before=before, matched=similar)
+        self._views = views, step
+        hits = self._confirmed(scan, views.winner, similar)
         if not hits:
-            return as_step(step, NOWHERE, NOWHERE.cov, StepOutcome.SEARCHING)
+            return _as_step(step, _NOWHERE, _NOWHERE.cov, StepOutcome.SEARCHING)
         return self._take(step, fused(hits), StepOutcome.FOUND, hits[0].keyframe)
 
     def _confirmed(self, scan: LaserScan, place: Place | None, similar: Sequence[Hit] = ()) -> list[Hit]:
@@ -218,7 +221,7 @@ class Localizer:
         deskewed = self._deskewed(scan, step)
         points = _points(deskewed)
         # after a motion in doubt no other place may agree as well
-        alone = self._search_alone(deskewed, self._prior) if self._is_torn else None
+        alone = self._views_of(deskewed, prior=self._prior) if self._is_torn else None
         vague = self.config.noise.doubled(expected)
         found, is_due = self._matching.around(deskewed, vague, seen_from=self._keyframe)
         hits = self._matching.settled(points, found)
@@ -235,12 +238,11 @@ class Localizer:
         self._n_missed += is_due or view.score < 0.0 or self._is_torn
         elsewhere: list[Hit] = []
         if self._n_missed:
-            elsewhere = self._confirmed(deskewed, (alone or self._search_alone(deskewed, self._prior)).winner)
+            elsewhere = self._confirmed(deskewed, (alone or self._views_of(deskewed, prior=self._prior)).winner)
         if elsewhere:
             return self._take(step, fused(elsewhere), StepOutcome.FOUND, elsewhere[0].keyframe)
         if self._n_missed >= self.config.keyframes.n_lost:
-            self._here, self._view = None, None
-            self._search.clear()
+            self._here, self._views = None, None
             return self._look(scan, step)
         return self._at(step, expected, StepOutcome.PREDICTED)
 
@@ -249,34 +251,47 @@ class Localizer:
         rules, (x, y, theta) = self.config.keyframes, moved.pose.tolist()
         return bool(np.hypot(x, y) < share * rules.distance and abs(theta) < share * rules.turn)
 
-    def _search_alone(self, scan: LaserScan, prior: Prior | None = None) -> MapSearch:
-        """Return what a search of the whole map finds by one scan alone."""
-        alone = self._search.afresh()
-        alone.add(_points(scan), None, self._by_similarity(scan), prior=prior)
-        return alone
-
-    def _by_similarity(self, scan: LaserScan) -> Ints | None:
-        """Return the keyframes by how alike they are to a scan, where the map is too large to look at all of it."""
-        if not self._search.is_large:
-            return None
-        keyframes = self._keyframes
-        seen = keyframes.signature(keyframes.prepare(scan))
-        return keyframes.index.most_similar(seen, len(keyframes))
+    def _views_of(
+        self,
+        scan: LaserScan,
+        *,
+        prior: Prior | None = None,
+        before: tuple[Views, UncertainPose] | None = None,
+        matched: Sequence[Hit] = (),
+    ) -> Views:
+        """Return what a scan says of places in the whole map; of a large one near the keyframes most like it."""
+        similarity = None
+        if self._search.is_large:
+            keyframes = self._keyframes
+            seen = keyframes.signature(keyframes.prepare(scan))
+            similarity = keyframes.index.most_similar(seen, len(keyframes))
+        return self._search.look(_points(scan), prior=prior, before=before, similarity=similarity, matched=matched)
 
     def _take(self, step: Step, here: UncertainPose, outcome: StepOutcome, keyframe: int, view: float = 0.0) -> Step:
         self._here, self._anchor, self._keyframe = here, step, keyframe
         before, area = self._prior, self._search.area
         is_expected = before is not None and before.log_odds(here.pose[np.newaxis], area)[0] > 0.0
         self._prior = before.confirmed(here, view) if before is not None and is_expected else Prior(here=here)
-        self._view = None
-        self._search.clear()
+        self._views = None
         self._n_missed = 0
         self._is_torn = False
         return self._at(step, here, outcome, keyframe)
 
     def _at(self, step: Step, here: UncertainPose, outcome: StepOutcome, keyframe: int = -1) -> Step:
         around, covariance_global = self._matching.in_map(here, self._keyframe)
-        return as_step(step, around, covariance_global, outcome, keyframe)
+        return _as_step(step, around, covariance_global, outcome, keyframe)
+
+
+def _as_step(step: Step, here: UncertainPose, covariance_global: Cov, outcome: StepOutcome, keyframe: int = -1) -> Step:
+    """Return the step of a scan whose pose in the map is `here`, by its step of the odometry."""
+    return replace(
+        step,
+        pose=here.pose,
+        covariance=here.cov,
+        outcome=outcome,
+        keyframe=keyframe,
+        covariance_global=covariance_global,
+    )
 
 
 def _points(scan: LaserScan) -> Points:

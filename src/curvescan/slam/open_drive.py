@@ -8,6 +8,7 @@ difference of both is how uncertain the way is.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,66 +26,66 @@ _MOST_TURN = 0.3**2
 """Greatest variance of a turn that no match saw, square radians."""
 
 
+def _none() -> Floats:
+    return np.zeros(2)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class OpenDrive:
-    """The way that open directions hide since the last keyframe.
+    """The way that open directions hide since the last keyframe."""
 
-    Attributes
-    ----------
-    usual : (2,) float64
-        Motion from a scan to the next as a rule, frame of the sensor, metres.
-    hidden : (2,) float64
-        What the odometry may have left out since :meth:`begin`, frame of the sensor then, metres.
-    """
+    usual: Floats = field(
+        default_factory=_none
+    )  # (2,): motion from a scan to the next as a rule, frame of the sensor, metres
+    hidden: Floats = field(
+        default_factory=_none
+    )  # (2,): what the odometry may have left out since the keyframe, frame of that
+    before: Floats = field(
+        default_factory=_none
+    )  # (2,): the same before the keyframe, since a match measured all of the motion
+    since: Floats = field(default_factory=_none)  # (2,): the same since both
+    n_measured: int = 0  # scans that measured all of the motion: before the first nothing is usual
+    # since the keyframe
+    turned: float = 0.0  # radians
+    is_lost: bool = False  # it may have been carried anywhere
+    n_open: int = 0  # scans that left a direction open, or everything
+    n_blind: int = 0  # scans that left everything open
 
-    def __init__(self) -> None:
-        self.usual: Floats = np.zeros(2)
-        self.hidden: Floats = np.zeros(2)
-        self._before: Floats = np.zeros(2)  # hidden before the keyframe, since a match measured all of the motion
-        self._since: Floats = np.zeros(2)  # the same since the keyframe
-        self._n_measured = 0  # scans that measured all of the motion: before the first nothing is usual
-        self._turned = 0.0  # since the keyframe, radians
-        self._is_lost = False  # since then: it may have been carried anywhere
-        self._n_open = self._n_blind = 0  # scans since then that left a direction open, or everything
+    def begun(self) -> OpenDrive:
+        """Return what is hidden at a new keyframe."""
+        before = _turned(self.before + self.since, -self.turned)
+        return OpenDrive(usual=self.usual, n_measured=self.n_measured, before=before)
 
-    def begin(self) -> None:
-        """Begin at a keyframe."""
-        self._before = _turned(self._before + self._since, -self._turned)
-        self.hidden = self._since = np.zeros(2)
-        self._turned, self._is_lost = 0.0, False
-        self._n_open = self._n_blind = 0
-
-    def add(self, step: Step) -> None:
-        """Take up a step of the odometry."""
-        motion = step.motion
-        self._is_lost |= step.outcome is StepOutcome.LOST
+    def added(self, step: Step) -> OpenDrive:
+        """Return what is hidden after a step of the odometry."""
+        motion, turned = step.motion[:2], self.turned + float(step.motion[2])
+        after = replace(self, turned=turned, is_lost=self.is_lost or step.outcome is StepOutcome.LOST)
         direction = _open_direction(step)
         if direction is None:
-            self._n_measured += step.is_matched
-            self.usual = self.usual + (motion[:2] - self.usual) / min(max(self._n_measured, 1), _MEMORY)
-            self._before = self._since = np.zeros(2)
-        else:
-            self._n_open += 1
-            self._n_blind += not step.is_matched
-            if not step.is_driven:
-                hidden = _turned(direction @ (self.usual - motion[:2]), self._turned)
-                self.hidden, self._since = self.hidden + hidden, self._since + hidden
-        self._turned += float(motion[2])
+            n_measured = self.n_measured + step.is_matched
+            usual = self.usual + (motion - self.usual) / min(max(n_measured, 1), _MEMORY)
+            return replace(after, n_measured=n_measured, usual=usual, before=_none(), since=_none())
+        after = replace(after, n_open=self.n_open + 1, n_blind=self.n_blind + (not step.is_matched))
+        if step.is_driven:
+            return after
+        hidden = _turned(direction @ (self.usual - motion), self.turned)
+        return replace(after, hidden=self.hidden + hidden, since=self.since + hidden)
 
     def known(self, motion: UncertainPose) -> UncertainPose:
         """Return the motion since the keyframe as well as it is known: along what is open by what may be hidden."""
-        if self._is_lost or not (self._n_open and self._n_measured):
+        if self.is_lost or not (self.n_open and self.n_measured):
             return motion
         across = min(float(np.linalg.eigvalsh(motion.cov[:2, :2])[0]), self._most_across())
         cov = np.zeros((3, 3))
         # slips in a row have half of their error in common: of a + b the variance is a^2 + (b^2 + a b)
-        share = 1.0 + max(float(self._before @ self.hidden), 0.0) / max(float(self.hidden @ self.hidden), 1e-12)
+        share = 1.0 + max(float(self.before @ self.hidden), 0.0) / max(float(self.hidden @ self.hidden), 1e-12)
         cov[:2, :2] = across * np.eye(2) + share * np.outer(self.hidden, self.hidden)
         cov[2, 2] = min(float(motion.cov[2, 2]), _MOST_TURN)
         return UncertainPose(motion.pose, cov)
 
     def _most_across(self) -> float:
         """Return the greatest variance of a way that no match saw, square metres: that of going on or standing."""
-        return _FLOOR**2 + float(self.usual @ self.usual) * self._n_blind**2
+        return _FLOOR**2 + float(self.usual @ self.usual) * self.n_blind**2
 
 
 def _turned(vector: Floats, angle: float) -> Floats:

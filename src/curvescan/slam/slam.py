@@ -34,7 +34,7 @@ from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.open_drive import OpenDrive
 from curvescan.slam.pose_graph.relative import between_steps
 from curvescan.slam.records import Records
-from curvescan.types import Ints
+from curvescan.types import Ints, Pose
 
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 
@@ -115,18 +115,16 @@ class Slam:
             What the odometry says of it.
         """
         self._deskewer = self._deskewer.ticked(scan)
-        self._open_drive.add(step)
+        self._open_drive = self._open_drive.added(step)
         if self._origin is None:
-            k = self.backend.start(scan, step.index, np.zeros(3), self._session)
-            self._records.begin(self.backend.keyframes[k].number, None)
-            self._origin, seen = step, identity()
+            seen = self._begin_fragment(scan, step, np.zeros(3))
         else:
             is_lost = step.outcome in _UNMEASURED and not step.is_driven
             self._n_lost = self._n_lost + 1 if is_lost else 0
             self._n_most_lost = max(self._n_most_lost, self._n_lost)
             seen = self._open_drive.known(between_steps(self._origin, step))
             if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
-                seen = self._begin_fragment(scan, step, seen)
+                seen = self._begin_fragment(scan, step, se2.compose(self.backend.current_in_map().pose, seen.pose))
             elif self._is_due(seen) and (step.is_driven or not step.is_unsettled):
                 seen = self._make_keyframe(scan, step, seen)
         self._last = step
@@ -159,19 +157,17 @@ class Slam:
         deskewed = scan
         if self.config.odometry.deskew:
             deskewed = self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
-        k = self.backend.add_keyframe(deskewed, step.index, seen)
-        self._records.begin(self.backend.keyframes[k].number, seen)
-        self._origin, self._n_most_lost = step, 0
-        self._open_drive.begin()
-        return identity()
+        return self._hang_on(self.backend.add_keyframe(deskewed, step.index, seen), step, seen)
 
-    def _begin_fragment(self, scan: LaserScan, step: Step, seen: UncertainPose) -> UncertainPose:
-        """Begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
-        pose = se2.compose(self.backend.current_in_map().pose, seen.pose)
-        k = self.backend.start(scan, step.index, pose, self._session)
-        self._records.begin(self.backend.keyframes[k].number, None)
+    def _begin_fragment(self, scan: LaserScan, step: Step, pose: Pose) -> UncertainPose:
+        """Begin, or begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
+        return self._hang_on(self.backend.start(scan, step.index, pose, self._session), step, None)
+
+    def _hang_on(self, k: int, step: Step, way: UncertainPose | None) -> UncertainPose:
+        """Let scans hang on keyframe k, made of the scan of a step, and return the step seen from it."""
+        self._records.begin(self.backend.keyframes[k].number, way)
         self._origin, self._n_most_lost = step, 0
-        self._open_drive.begin()
+        self._open_drive = self._open_drive.begun()
         return identity()
 
     def trajectory(self) -> Trajectory:

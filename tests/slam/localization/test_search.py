@@ -14,7 +14,7 @@ from curvescan.slam import SlamMap
 from curvescan.slam.localization.correlative import contour_length, likely_poses, thinned
 from curvescan.slam.localization.field import DistanceField, field_of
 from curvescan.slam.localization.prior import Prior
-from curvescan.slam.localization.search import MapSearch, Place, is_same, said
+from curvescan.slam.localization.search import MapSearch, Place, Views, is_same, known, said
 from tests.slam.map_example import FILE, lap, scans
 
 
@@ -61,10 +61,8 @@ def test_nothing_is_likely_without_readings(field: DistanceField) -> None:
     assert likely_poses(field, np.empty((0, 2)), np.ones((30, 2)), 5).shape == (0, 3)
 
 
-def _search(stored: SlamMap, field: DistanceField, *found: Place) -> MapSearch:
-    search = MapSearch(field, stored.poses, 5)
-    search._found = list(found)
-    return search
+def _views(stored: SlamMap, field: DistanceField, *found: Place, contour: float = 0.0) -> Views:
+    return Views(found=found, contour=contour, area=MapSearch(field, stored.poses, 5).area)
 
 
 def _place(x: float, support: float, view: float | None = None) -> Place:
@@ -86,16 +84,16 @@ def _place(x: float, support: float, view: float | None = None) -> Place:
 def test_a_place_is_sure_where_no_other_comes_near(
     stored: SlamMap, field: DistanceField, found: list[tuple[float, float]], is_sure: bool
 ) -> None:
-    search = _search(stored, field, *[_place(x, support) for x, support in found])
-    assert (search.winner is not None) is is_sure
+    views = _views(stored, field, *[_place(x, support) for x, support in found])
+    assert (views.winner is not None) is is_sure
 
 
 def test_several_views_together_need_more_than_one(stored: SlamMap, field: DistanceField) -> None:
-    assert _search(stored, field, _place(0.0, 0.3, 0.3)).winner is not None
-    assert _search(stored, field, _place(0.0, 0.3, 0.15)).winner is None
-    assert _search(stored, field, _place(0.0, 1.1, 0.15)).winner is not None
+    assert _views(stored, field, _place(0.0, 0.3, 0.3)).winner is not None
+    assert _views(stored, field, _place(0.0, 0.3, 0.15)).winner is None
+    assert _views(stored, field, _place(0.0, 1.1, 0.15)).winner is not None
     # a sensor that drives out of the map is not where the views before it left
-    assert _search(stored, field, _place(0.0, 1.4, -0.02)).winner is None
+    assert _views(stored, field, _place(0.0, 1.4, -0.02)).winner is None
 
 
 @pytest.mark.parametrize(
@@ -119,9 +117,7 @@ def test_a_view_that_agrees_with_one_place_far_better_than_with_any_other_is_eno
         Place(pose=np.array([x, 0.0, 0.0]), fit=f, view=v, support=v)
         for x, f, v in zip((0.0, 3.0), (fit, rival), said_of, strict=True)
     ]
-    search = _search(stored, field, *found)
-    search._contour = contour
-    assert (search.winner is not None) is is_sure
+    assert (_views(stored, field, *found, contour=contour).winner is not None) is is_sure
 
 
 @pytest.mark.parametrize(("begins_at", "is_sure"), [(1.3, True), (60.0, False)])
@@ -129,13 +125,13 @@ def test_what_the_views_decide_alone_stands_where_it_was_likely_before(
     stored: SlamMap, field: DistanceField, begins_at: float, is_sure: bool
 ) -> None:
     # a corridor: 0.7 m on the view agrees less, and an initial pose beyond makes that place the likelier one
-    search = _search(stored, field, _place(0.0, 0.39), _place(0.7, 0.28))
-    assert search.winner is not None
-    search._prior = Prior.of((begins_at, 0.0, 0.0), np.diag([0.5, 0.5, 0.07]))
-    known = search._known(np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]]))
-    search._found = [replace(place, prior=float(k)) for place, k in zip(search._found, known, strict=True)]
-    assert (known[0] > 0.0) == is_sure
-    assert (search.winner is not None) is is_sure
+    views = _views(stored, field, _place(0.0, 0.39), _place(0.7, 0.28))
+    assert views.winner is not None
+    prior = Prior.of((begins_at, 0.0, 0.0), np.diag([0.5, 0.5, 0.07]))
+    likely = known(prior, np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]]), views.area)
+    found = [replace(place, prior=float(k)) for place, k in zip(views.found, likely, strict=True)]
+    assert (likely[0] > 0.0) == is_sure
+    assert (replace(views, found=found, prior=prior).winner is not None) is is_sure
 
 
 @pytest.mark.parametrize(("rival_view", "is_sure"), [(-0.15, False), (-0.4, True)])
@@ -144,17 +140,14 @@ def test_what_was_known_before_does_not_choose_between_places_that_the_view_is_a
 ) -> None:
     # a corridor without a mark: the odometry has the sensor at 0, and perhaps 1.2 m on; no place stands out by itself
     here, there = _place(0.0, -0.15), _place(1.2, rival_view)
-    search = _search(stored, field, replace(here, prior=0.5), replace(there, prior=0.16))
-    assert (search.winner is not None) is is_sure
+    views = _views(stored, field, replace(here, prior=0.5), replace(there, prior=0.16))
+    assert (views.winner is not None) is is_sure
 
 
 def test_a_place_does_not_stand_out_where_matches_say_another(stored: SlamMap, field: DistanceField) -> None:
-    known, other = _place(0.0, 0.25), _matched(3.0, 0.4, -0.15)
-    search = _search(stored, field, known, other)
-    search._contour = 12.0
-    assert search.winner is None
-    search._found = [known, _place(3.0, -0.15)]
-    assert search.winner is known
+    near, other = _place(0.0, 0.25), _matched(3.0, 0.4, -0.15)
+    assert _views(stored, field, near, other, contour=12.0).winner is None
+    assert _views(stored, field, near, _place(3.0, -0.15), contour=12.0).winner is near
 
 
 @pytest.mark.parametrize(
@@ -171,14 +164,14 @@ def test_a_prior_adds_to_what_the_views_say(
     stored: SlamMap, field: DistanceField, support: float, view: float, prior: float, is_sure: bool
 ) -> None:
     place = replace(_place(0.0, support, view), prior=prior)
-    assert (_search(stored, field, place).winner is not None) is is_sure
+    assert (_views(stored, field, place).winner is not None) is is_sure
     # of two places that look alike it chooses one
     alike = replace(_place(3.0, support, view), prior=prior - 0.5)
-    assert (_search(stored, field, alike, place).winner is place) is is_sure
+    assert (_views(stored, field, alike, place).winner is place) is is_sure
 
 
 def test_one_view_does_not_overrule_those_before(stored: SlamMap, field: DistanceField) -> None:
-    assert _search(stored, field, _place(0.0, -0.3, 0.3)).winner is None
+    assert _views(stored, field, _place(0.0, -0.3, 0.3)).winner is None
 
 
 def _matched(x: float, matched: float, view: float) -> Place:
@@ -207,24 +200,25 @@ def _matched(x: float, matched: float, view: float) -> Place:
 def test_matches_decide_where_the_map_has_changed_and_not_between_two_like_places(
     stored: SlamMap, field: DistanceField, found: list[Place], is_sure: bool
 ) -> None:
-    assert (_search(stored, field, *found).winner is not None) is is_sure
+    assert (_views(stored, field, *found).winner is not None) is is_sure
 
 
 @pytest.mark.slow
 def test_support_is_carried_on_by_the_motion(stored: SlamMap, field: DistanceField) -> None:
     poses = lap()[[10, 20, 30]]
     search = MapSearch(field, stored.poses, 5)
-    supports = []
+    supports: list[float] = []
+    views = None
     for k, scan in enumerate(scans(poses, seed=2)):
-        moved = UncertainPose(se2.between(poses[k - 1], poses[k]), np.zeros((3, 3))) if k else None
-        search.add(_points(scan), moved, None)
-        best = search._found[0]
+        moved = UncertainPose(se2.between(poses[k - 1], poses[k]), np.zeros((3, 3)))
+        views = search.look(_points(scan), before=(views, moved) if views else None)
+        best = views.found[0]
         assert is_same(best.pose, se2.between(lap()[0], poses[k]))
         supports.append(best.support)
     assert supports[0] < supports[1] < supports[2]
     # without the motion between them views do not add up
-    search.add(_points(scans(poses[:1], seed=2)[0]), None, None)
-    assert search._found[0].support == search._found[0].view
+    first = search.look(_points(scans(poses[:1], seed=2)[0])).found[0]
+    assert first.support == first.view
 
 
 @pytest.mark.slow

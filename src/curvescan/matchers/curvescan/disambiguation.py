@@ -235,7 +235,7 @@ def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, dir
     rules = problem.config.information
     if assessed.is_degenerate[1:].any():
         return None
-    if not assessed.ties and first.information[0] > max(2.0 * first.spurious[0], rules.max_sigma**-2):
+    if not assessed.ties and not first.is_open[0]:
         return rules.max_sigma
     if problem.guess is not None or math.hypot(*direction[:2]) <= _LEAST_SHIFT or first.information[0] < 0.0:
         return None

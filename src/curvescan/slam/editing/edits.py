@@ -20,7 +20,8 @@ from curvescan.io.files.output import output_file
 from curvescan.matchers import MatchResult, match
 from curvescan.odometry.measurement import as_measurement
 from curvescan.slam.config import SlamConfig
-from curvescan.slam.editing.graph import MapGraph, solved
+from curvescan.slam.editing.graph import solved, with_edge, without
+from curvescan.slam.jobs import Problem
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Bools
@@ -72,13 +73,13 @@ def edited(slam_map: SlamMap, edits: Sequence[Edit], config: SlamConfig | None =
     """
     if not edits:
         return slam_map
-    graph = MapGraph.of(slam_map)
+    graph = Problem.of_map(slam_map)
     for edit in edits:
         graph = _applied(graph, edit)
     return solved(slam_map, graph, config or SlamConfig())
 
 
-def _applied(graph: MapGraph, edit: Edit) -> MapGraph:
+def _applied(graph: Problem, edit: Edit) -> Problem:
     n = len(graph.poses)
     for row in (edit.i, edit.j):
         if not 0 <= row < n:
@@ -87,25 +88,25 @@ def _applied(graph: MapGraph, edit: Edit) -> MapGraph:
         pose = graph.poses[edit.i] if edit.pose is None else np.array(edit.pose)
         if edit.i == 0:
             raise InvalidArgumentError("keyframe 0 holds the frame of the map: it is pinned already")
-        return graph.with_edge(0, edit.i, se2.between(graph.poses[0], pose), _PINNED)
+        return with_edge(graph, 0, edit.i, se2.between(graph.poses[0], pose), _PINNED)
     if edit.do == "add":
         assert edit.pose is not None
         assert edit.covariance is not None
         if edit.i == edit.j:
             raise InvalidArgumentError(f"a closure joins two keyframes, got {edit.i} twice")
-        return graph.with_edge(edit.i, edit.j, np.array(edit.pose), np.reshape(edit.covariance, (3, 3)))
+        return with_edge(graph, edit.i, edit.j, np.array(edit.pose), np.reshape(edit.covariance, (3, 3)))
     gone = _between(graph, edit.i, edit.j) if edit.do == "drop" else _touching(graph, edit.i, edit.j)
     if edit.do == "drop" and not gone.any():
         raise InvalidArgumentError(f"there is no closure between keyframes {edit.i} and {edit.j}")
-    return graph.without(gone)
+    return without(graph, gone)
 
 
-def _between(graph: MapGraph, i: int, j: int) -> Bools:
+def _between(graph: Problem, i: int, j: int) -> Bools:
     is_one = (graph.ends == (i, j)).all(axis=1) | (graph.ends == (j, i)).all(axis=1)
     return np.asarray(is_one & (graph.kinds == EdgeKind.CLOSURE))
 
 
-def _touching(graph: MapGraph, i: int, j: int) -> Bools:
+def _touching(graph: Problem, i: int, j: int) -> Bools:
     low, high = min(i, j), max(i, j)
     is_in = ((graph.ends >= low) & (graph.ends <= high)).any(axis=1)
     return np.asarray(is_in & (graph.kinds == EdgeKind.CLOSURE))

@@ -12,7 +12,8 @@ from curvescan.mapping.grid_editing import moved
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.odometry.measurement import as_measurement
 from curvescan.slam.config import SlamConfig
-from curvescan.slam.editing.graph import MapGraph, solved
+from curvescan.slam.editing.graph import solved
+from curvescan.slam.jobs import Problem
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.grid_map import field_of_grid, map_of_grid
 from curvescan.slam.loops.closures import is_confident
@@ -58,24 +59,19 @@ def _joined(
     one: SlamMap, other: SlamMap, pairs: np.ndarray, measured: Pose, covariances: Cov, config: SlamConfig
 ) -> SlamMap:
     """Return two maps in one frame with closures between them, optimized."""
-    n, k = len(one), len(pairs)
-    graph = MapGraph(
-        poses=np.concatenate([one.poses, other.poses]),
-        ends=np.concatenate([one.ends, other.ends + n, pairs + np.array([0, n])]),
-        measured=np.concatenate([one.measured, other.measured, measured]),
-        covariances=np.concatenate([one.edge_covariances, other.edge_covariances, covariances]),
-        kinds=np.concatenate([one.kinds, other.kinds, np.full(k, EdgeKind.CLOSURE)]),
-        weights=np.concatenate([one.weights, other.weights, np.ones(k)]),
-        is_trusted=np.zeros(len(one.ends) + len(other.ends) + k, dtype=np.bool_),
-    )
     both = replace(
         one,
         scans=one.scans + other.scans,
-        poses=graph.poses,
+        poses=np.concatenate([one.poses, other.poses]),
         indices=np.concatenate([one.indices, other.indices]),
         sessions=np.concatenate([one.sessions, other.sessions + one.n_sessions]),
+        ends=np.concatenate([one.ends, other.ends + len(one), pairs + np.array([0, len(one)])]),
+        measured=np.concatenate([one.measured, other.measured, measured]),
+        edge_covariances=np.concatenate([one.edge_covariances, other.edge_covariances, covariances]),
+        kinds=np.concatenate([one.kinds, other.kinds, np.full(len(pairs), EdgeKind.CLOSURE)]),
+        weights=np.concatenate([one.weights, other.weights, np.ones(len(pairs))]),
     )
-    return solved(both, graph, config)
+    return solved(both, Problem.of_map(both), config)
 
 
 def in_one_frame(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> tuple[SlamMap, SlamMap]:

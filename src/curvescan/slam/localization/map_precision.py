@@ -7,6 +7,7 @@ between the two would lower the sum, so that it is never too small.
 
 from __future__ import annotations
 
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -29,22 +30,16 @@ class MapPrecision:
         used = slam_map.weights > 0.5
         ends, cov = slam_map.ends[used], slam_map.edge_covariances[used]
         position = np.maximum(cov[:, 0, 0], cov[:, 1, 1])
-        self._variances, self._ways = _best_edges(len(self._poses), ends, position, cov[:, 2, 2])
-        self._from = -1
-        self._before: Ints = np.empty(0, dtype=np.int64)
+        self._variances, ways = _best_edges(len(self._poses), ends, position, cov[:, 2, 2])
+        self._before = lru_cache(maxsize=1)(partial(_before_each, ways))
 
     def between(self, i: int, j: int) -> Cov:
         """Return (3, 3) covariance of keyframe j seen from keyframe i: x, y, theta; the same in any frame."""
         if i < 0 or i == j:
             return np.zeros((3, 3))
-        if i != self._from:
-            from scipy.sparse.csgraph import dijkstra  # loads for a good part of a second
-
-            self._before = dijkstra(self._ways, directed=False, indices=i, limit=_FAR, return_predecessors=True)[1]
-            self._from = i
         position, rotation, at = 0.0, 0.0, j
         while at != i:
-            before = int(self._before[at])
+            before = int(self._before(i)[at])
             if before < 0:  # parts that nothing joins, or no better
                 return np.diag([_FAR, _FAR, np.pi**2])
             edge = self._variances[min(before, at), max(before, at)]
@@ -53,6 +48,13 @@ class MapPrecision:
         distance = float(np.hypot(*(self._poses[j] - self._poses[i])[:2]))
         aside = position + rotation * distance**2
         return np.diag([aside, aside, rotation])
+
+
+def _before_each(ways: Any, i: int) -> Ints:
+    """Return (n,) the keyframe before each on the best way from one; negative where there is none."""
+    from scipy.sparse.csgraph import dijkstra  # loads for a good part of a second
+
+    return np.asarray(dijkstra(ways, directed=False, indices=i, limit=_FAR, return_predecessors=True)[1])
 
 
 def _best_edges(

@@ -1,4 +1,4 @@
-"""MapSearch: where in a map the sensor may be, over the scans since it began to look.
+"""Search: where in a map the sensor may be, over the scans since it began to look.
 
 Each view, half a metre or half a radian after the last, brings poses at which its scan ends on walls, and earlier ones
 carried on by the odometry. A pose gathers support by what the scan says of it: readings on walls speak for it, readings
@@ -10,7 +10,6 @@ Else several must add up.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,106 +92,38 @@ class Place:
         return self.view + self.prior, self.walls + self.prior, self.support + self.prior
 
 
-class MapSearch:
-    """Looks for a sensor in a map.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Views:
+    """What the views so far say of places in a map of so many square metres."""
 
-    keyframes (n, 3).
-    """
-
-    def __init__(self, field: DistanceField, keyframes: Pose, n_tried: int) -> None:
-        from scipy.spatial import cKDTree  # loads for a good part of a second
-
-        self.field = field
-        self._n_tried = n_tried
-        self._places = field.places(STEP_M, _CLEARANCE_M)
-        self.area = STEP_M**2 * len(self._places)  # square metres
-        self._nearest: Ints = (
-            cKDTree(keyframes[:, :2]).query(self._places)[1].astype(np.int64)
-            if len(self._places)
-            else np.empty(0, dtype=np.int64)
-        )
-        self.clear()
-
-    def afresh(self) -> MapSearch:
-        """Return a search of the same map that has seen nothing."""
-        other = copy(self)
-        other.clear()
-        return other
-
-    def clear(self) -> None:
-        """Forget earlier views."""
-        self._found: list[Place] = []
-        self._contour = 0.0  # length of the last view, metres
-        self._prior: Prior | None = None  # of the last view
-
-    @property
-    def is_begun(self) -> bool:
-        """Whether there are poses that earlier views speak for."""
-        return bool(self._found)
-
-    def add(
-        self,
-        points: Points,
-        moved: UncertainPose | None,
-        similarity: Ints | None = None,
-        matched: Sequence[Hit] = (),
-        prior: Prior | None = None,
-    ) -> None:
-        """Take up a view.
-
-        points (m, 2); moved: The sensor's motion since the last view; None where it is not known, and earlier views
-        say nothing; similarity (n,); prior: Where the sensor is, as far as it is known without this view.
-        """
-        few, self._contour, self._prior = thinned(points), contour_length(points), prior
-        places = self._places if similarity is None else self._near(similarity)
-        # walls alone are ended on elsewhere as well: of more poses the free space between them chooses
-        poses = likely_poses(self.field, places, few, _N_LIKELY * self._n_tried)
-        if prior is not None:
-            near = np.ascontiguousarray(self._places[prior.is_near(self._places)])
-            poses = np.concatenate((poses, likely_poses(self.field, near, few, self._n_tried)))
-        earlier = self._found if moved is not None else []
-        if earlier:
-            assert moved is not None
-            carried = se2.compose(np.array([place.pose for place in earlier]), moved.pose)
-            poses = np.concatenate((refined_poses(self.field, carried, few), poses))
-        poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
-        # a place that was not among those of earlier views agreed with them no better than the least of them
-        missed = min((place.walls for place in earlier), default=0.0)
-        known = self._known(poses)
-        new: list[Place] = []
-        for k, pose in enumerate(poses):
-            before = earlier[k] if k < len(earlier) else None
-            if any(is_same(pose, place.pose) for place in new):
-                continue
-            fit = self.field.agreement(points, pose).score
-            view = said(self._contour, fit)
-            scores = [hit.weight * hit.score for hit in matched if is_same(hit.here.pose, pose)]
-            by_matches = max(scores, default=0.0)
-            support = view + by_matches + (before.support if before else missed)
-            if known[k] > 0.0:  # where it was expected, it may have come back into the map with this view
-                support = max(support, view + by_matches)
-            by_matches += before.matched if before else 0.0
-            new.append(Place(pose=pose, fit=fit, view=view, support=support, matched=by_matches, prior=float(known[k])))
-        new.sort(key=lambda place: (-place.sums[2], -place.fit))
-        self._found = new[: self._n_tried]
+    found: Sequence[Place]  # the likeliest first
+    contour: float  # length of the last view, metres
+    area: float
+    prior: Prior | None = None  # of the last view
 
     @property
     def winner(self) -> Place | None:
         """The place for which the last view, or all views together, speak clearly more than for any other."""
-        best = self._decided(self._found)
-        if best is None and self._prior is not None:
+        best = self._decided(self.found)
+        if best is None and self.prior is not None:
             # the views alone may decide for a place that was likely before, be another one somewhat likelier
-            alone = self._decided([replace(place, prior=0.0) for place in self._found])
-            if alone is not None and self._known(alone.pose[np.newaxis])[0] > 0.0:
+            alone = self._decided([replace(place, prior=0.0) for place in self.found])
+            if alone is not None and known(self.prior, alone.pose[np.newaxis], self.area)[0] > 0.0:
                 best = alone
         return best
 
-    def _decided(self, found: list[Place]) -> Place | None:
+    def is_best(self, pose: Pose, fit: float) -> bool:
+        """Return whether the map agrees with the last view clearly better at a pose than at any other found."""
+        others = [place.fit + place.prior for place in self.found if not is_same(place.pose, pose)]
+        here = fit + float(known(self.prior, pose[np.newaxis], self.area)[0])
+        return here >= max(others, default=-1.0) + _MARGIN
+
+    def _decided(self, found: Sequence[Place]) -> Place | None:
         by_view = sorted(found, key=lambda place: -place.sums[0])
         by_all = sorted(found, key=lambda place: -place.sums[2])
         return next((best for best in (*by_view[:1], *by_all[:1]) if self._is_clear(best, found)), None)
 
-    def _is_clear(self, best: Place, found: list[Place]) -> bool:
+    def _is_clear(self, best: Place, found: Sequence[Place]) -> bool:
         """Return whether the last view, or all together, speak for a place clearly more than for any other."""
         others = [place for place in found if not is_same(place.pose, best.pose)]
         rival = max((place.matched for place in others), default=0.0)
@@ -221,20 +152,73 @@ class MapSearch:
         """Return whether the last view agrees with a place well, and far better than with any other."""
         fit = best.fit + best.prior
         ahead = fit - max((place.fit + place.prior for place in others), default=-1.0)
-        if self._contour < _CONTOUR_M or ahead < _MARGIN:
+        if self.contour < _CONTOUR_M or ahead < _MARGIN:
             return False
         return fit + min(ahead, _MOST_AHEAD) >= _STANDS_OUT
 
-    def is_best(self, pose: Pose, fit: float) -> bool:
-        """Return whether the map agrees with the last view clearly better at a pose than at any other found."""
-        others = [place.fit + place.prior for place in self._found if not is_same(place.pose, pose)]
-        return fit + float(self._known(pose[np.newaxis])[0]) >= max(others, default=-1.0) + _MARGIN
 
-    def _known(self, poses: Pose) -> Floats:
-        """Return (n,) how much the prior of the last view speaks for poses (n, 3)."""
-        if self._prior is None:
-            return np.zeros(len(poses))
-        return self._prior.log_odds(poses, self.area) / LOG_ODDS
+class MapSearch:
+    """Looks for a sensor in a map.
+
+    keyframes (n, 3); n_tried: Places that are followed.
+    """
+
+    def __init__(self, field: DistanceField, keyframes: Pose, n_tried: int) -> None:
+        from scipy.spatial import cKDTree  # loads for a good part of a second
+
+        self.field = field
+        self._n_tried = n_tried
+        self._places = field.places(STEP_M, _CLEARANCE_M)
+        self.area = STEP_M**2 * len(self._places)  # square metres
+        self._nearest: Ints = cKDTree(keyframes[:, :2]).query(self._places)[1].astype(np.int64)
+
+    def look(
+        self,
+        points: Points,
+        *,
+        prior: Prior | None = None,
+        before: tuple[Views, UncertainPose] | None = None,
+        similarity: Ints | None = None,
+        matched: Sequence[Hit] = (),
+    ) -> Views:
+        """Return what a view says of places in the map, with those before it.
+
+        points (m, 2); prior: Where the sensor is, as far as it is known without this view; before: Earlier views, and
+        the motion since; similarity (n,): Keyframes, those most like the view first, in large maps.
+        """
+        few, contour = thinned(points), contour_length(points)
+        places = self._places if similarity is None else self._near(similarity)
+        # walls alone are ended on elsewhere as well: of more poses the free space between them chooses
+        poses = likely_poses(self.field, places, few, _N_LIKELY * self._n_tried)
+        if prior is not None:
+            near = np.ascontiguousarray(self._places[prior.is_near(self._places)])
+            poses = np.concatenate((poses, likely_poses(self.field, near, few, self._n_tried)))
+        earlier: Sequence[Place] = ()
+        if before is not None and before[0].found:
+            earlier = before[0].found
+            carried = se2.compose(np.array([place.pose for place in earlier]), before[1].pose)
+            poses = np.concatenate((refined_poses(self.field, carried, few), poses))
+        poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
+        # a place that was not among those of earlier views agreed with them no better than the least of them
+        missed = min((place.walls for place in earlier), default=0.0)
+        likely = known(prior, poses, self.area)
+        new: list[Place] = []
+        for k, pose in enumerate(poses):
+            if any(is_same(pose, place.pose) for place in new):
+                continue
+            followed = earlier[k] if k < len(earlier) else None
+            fit = self.field.agreement(points, pose).score
+            view = said(contour, fit)
+            scores = [hit.weight * hit.score for hit in matched if is_same(hit.here.pose, pose)]
+            by_matches = max(scores, default=0.0)
+            support = view + by_matches + (followed.support if followed else missed)
+            if likely[k] > 0.0:  # where it was expected, it may have come back into the map with this view
+                support = max(support, view + by_matches)
+            by_matches += followed.matched if followed else 0.0
+            place = Place(pose=pose, fit=fit, view=view, support=support, matched=by_matches, prior=float(likely[k]))
+            new.append(place)
+        new.sort(key=lambda place: (-place.sums[2], -place.fit))
+        return Views(found=new[: self._n_tried], contour=contour, area=self.area, prior=prior)
 
     @property
     def is_large(self) -> bool:
@@ -246,6 +230,11 @@ class MapSearch:
         rank[similarity] = np.arange(len(similarity))
         order = np.argsort(rank[self._nearest], kind="stable")[:_N_PLACES]
         return np.ascontiguousarray(self._places[order])
+
+
+def known(prior: Prior | None, poses: Pose, area: float) -> Floats:
+    """Return (n,) how much a prior speaks for poses (n, 3) in a map of so many square metres."""
+    return np.zeros(len(poses)) if prior is None else prior.log_odds(poses, area) / LOG_ODDS
 
 
 def said(contour: float, fit: float) -> float:

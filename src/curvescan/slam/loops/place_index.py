@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from curvescan._jit import kernel
+from curvescan.slam.pose_graph.rows import Rows
 from curvescan.types import Bools, Floats, Ints
 
 N_DISTANCES, N_BEARINGS, N_KINDS = 16, 12, 3
@@ -41,28 +42,22 @@ class PlaceIndex:
     """Signatures of keyframes, by number."""
 
     def __init__(self) -> None:
-        self._n = 0
-        self._signatures: Signature = np.zeros((16, SIGNATURE_SIZE), dtype=np.float32)
+        self._signatures = Rows((SIGNATURE_SIZE,), np.float32)
 
     def __len__(self) -> int:
-        return self._n
+        return len(self._signatures)
 
     def add(self, new: Signature) -> None:
         """Append the signature of the next keyframe."""
-        if self._n == len(self._signatures):
-            self._signatures = np.concatenate((self._signatures, np.zeros_like(self._signatures)))
-        self._signatures[self._n] = new
-        self._n += 1
+        self._signatures.append(new)
 
     def keep(self, is_kept: Bools) -> None:
         """Remove the keyframes that are not kept; the others keep their order."""
-        rows = np.flatnonzero(is_kept)
-        self._signatures[: len(rows)] = self._signatures[: self._n][rows]
-        self._n = len(rows)
+        self._signatures.keep(is_kept)
 
     def similarity(self, other: Signature) -> Floats:
         """Return (n,) how alike each keyframe is to a scan, in [0, 1]."""
-        return (self._signatures[: self._n] @ other).astype(np.float64)
+        return np.asarray(self._signatures.array @ other, dtype=np.float64)
 
     def most_similar(self, other: Signature, n_most: int) -> Ints:
         """Return the keyframes most like a scan, the most alike first."""

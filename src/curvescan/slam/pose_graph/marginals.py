@@ -6,23 +6,25 @@ the recursion of Takahashi, Fagan and Chen (1973) takes from the factorization w
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from curvescan import se2
 from curvescan._jit import kernel
-from curvescan.slam.pose_graph.sparse import BlockPattern, lu_of
+from curvescan.slam.pose_graph.optimization import factorized
 from curvescan.types import Cov, Floats, Ints, Pose
 
 
-def marginal_covariances(pattern: BlockPattern, data: Floats, anchors: Ints) -> Cov:
+def marginal_covariances(information: Any, anchors: Ints) -> Cov:
     """Return (n, 3, 3) covariance of each pose, x, y, theta, with the anchors known exactly.
 
     Anchored at the pose in question, these are the covariances of all others seen from it, with no cancellation of
     large numbers: what a chain of keyframes has in common is not in them.
 
-    data (n_entries,); anchors (k,).
+    information: The (3n, 3n) matrix in CSC, see :func:`normal_equations`; anchors (k,).
     """
-    lu = lu_of(pattern, data)
+    lu = factorized(information)
     lower = lu.L.tocsc()
     lower.sort_indices()
     # L U = A with U = D L^T: the matrix is symmetric and was not pivoted

@@ -11,7 +11,7 @@ import numpy as np
 
 from curvescan.se2.uncertain import UncertainPose, compose, inverse
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, is_whole
-from curvescan.types import Bools, Ints
+from curvescan.types import Ints
 
 _LEAST_WEIGHT = 0.5
 """Edges that the optimum follows less than this are not carried over."""
@@ -61,13 +61,6 @@ def carry_over(graph: PoseGraph, v: int, heir: int) -> UncertainPose:
     is_kept[rows] = False
     graph.keep_edges(is_kept)
     return from_heir
-
-
-def remove_poses(graph: PoseGraph, is_kept: Bools) -> None:
-    """Take poses without edges out of a graph; the others keep their order and are counted anew."""
-    row_of = np.cumsum(is_kept) - 1
-    graph.ends[:] = row_of[graph.ends]
-    graph.keep_poses(is_kept)
 
 
 def _edges_at(graph: PoseGraph, v: int) -> list[int]:

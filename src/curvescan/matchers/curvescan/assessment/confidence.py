@@ -29,6 +29,7 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     WEAKEST,
     gather_evidence,
 )
+from curvescan.matchers.curvescan.config import NEAR
 from curvescan.matchers.curvescan.features.objects import Surfaces
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.types import Bools, Floats
@@ -71,7 +72,6 @@ _FREE_MOTION, _MAX_MOTION = (1.0, 4.0)  # metres plus radians: less is as likely
 _MOTION_OF_RANK = 0.2  # share of what a motion weighs where poses are sorted
 _ENOUGH_EXCESS = 2.0  # metres of excess from which on a pose rests on more than two walls
 _MAX_NEARER = 1.0  # metres plus radians by which a rival nearer to the guess is favoured, at most
-_NEAR_GUESS = 0.3  # metres plus radians: a pose within it is where the guess has it
 _FLOOR = 0.1  # metres, and mean square: what is added before a logarithm is taken
 _COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE)
 _LEAST = (_FLOOR, _FLOOR, _FLOOR, _FLOOR, 0.5 * _FLOOR, _FLOOR, 2.0 * _FLOOR)
@@ -282,7 +282,7 @@ def weigh_poses(
 def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
     """Return poses with their evidence, the most likely first."""
     ref, cur, guess, config = problem
-    around, near = (_STAND_STILL, 0.0) if guess is None else (guess, _NEAR_GUESS)
+    around, near = (_STAND_STILL, 0.0) if guess is None else (guess, NEAR)
     found = weigh_poses(ref.surfaces, cur.surfaces, poses, around, near, config.scoring.margin)
     weighed = WeighedPoses(poses, scores, *found)
     order = sorted(range(len(poses)), key=weighed.rank) if len(poses) > 1 else [0]

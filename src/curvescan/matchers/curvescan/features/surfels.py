@@ -42,9 +42,6 @@ Wilson and Hilferty."""
 _MIN_FACING2 = 0.05
 """Least square of the cosine of incidence by which a line's noise is taken for the range's: grazed walls say little."""
 
-_QUANTILE = 0.4
-"""Share of the variances that lie below the noise: clutter raises many of the others."""
-
 _BENT = 1.5
 """Multiple of the variance that noise explains from which on a line goes around a corner, and a better one is looked
 for."""
@@ -171,7 +168,7 @@ def low_quantile(variances: Floats) -> float:
     while k < n_bins - 1 and 5 * (count + histogram[k]) < 2 * variances.size:
         count += histogram[k]
         k += 1
-    inside = (_QUANTILE * variances.size - count) / max(histogram[k], 1)
+    inside = (2 / 5 * variances.size - count) / max(histogram[k], 1)
     return 2.0 ** (k // 4 - 27) * (1.0 + (k % 4 + inside) / 4) if variances.size else 0.0
 
 
