@@ -210,13 +210,13 @@ def bench(
     Parameters
     ----------
     pairs
-        Pairs of scans in each scenario; the first 200 are timed.
+        Pairs of scans in each scenario; times are taken on as many, at most 200.
     runs
         Runs of each variant and world of experiment 1.
     seed
         Seed of all simulated scans; the same seed gives the same errors.
     logs
-        Real logs, each of whose scans is matched with the one before; compared with the poses in the log.
+        Real logs; each scan is matched with the one before; compared with the poses in the log.
     out
         Folder for bench.md; without it nothing is written.
     """
