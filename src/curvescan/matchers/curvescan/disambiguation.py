@@ -27,18 +27,16 @@ from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.result import Candidate, Outcome
 from curvescan.types import Bools, Cov, Floats, Pose
 
-# what a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured
-# takes the turn from a direction
-# least metres along x or y of a direction, of 1 m at a typical reading, that is a translation and not a turn
-# metres, and radians times 2 m, from which on a candidate is another pose and no better place of the same
-# standard deviation of a degenerate direction, radians
+# What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured.
+_ARMS = np.array([1.0, 1.0, 2.0])
+_STRAIGHT = np.array([1.0, 1.0, 0.0])  # takes the turn from a direction
+# Least metres along x or y of a direction, of 1 m at a typical reading, that is a translation and not a turn.
+_TRANSLATES = 0.3
+# Metres, and radians times 2 m, from which on a candidate is another pose and no better place of the same.
+_OTHER = 0.25
+_DIRECTION_SIGMA = 0.003  # standard deviation of a degenerate direction, radians
 # Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
 # bare corridor have less in common than they seem to where they are laid over each other.
-_ARMS = np.array([1.0, 1.0, 2.0])
-_STRAIGHT = np.array([1.0, 1.0, 0.0])
-_TRANSLATES = 0.3
-_OTHER = 0.25
-_DIRECTION_SIGMA = 0.003
 _SHARE = 0.7
 
 

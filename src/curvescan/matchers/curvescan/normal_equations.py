@@ -5,7 +5,7 @@ from __future__ import annotations
 from curvescan._jit import kernel
 from curvescan.types import Floats
 
-# columns: the upper triangle of the information, and the gradient
+# Columns: the upper triangle of the information, and the gradient.
 XX, XY, XT, YY, YT, TT, GRADIENT_X, GRADIENT_Y, GRADIENT_T = range(9)
 N_TRIANGLE = TT + 1
 N_SUMS = GRADIENT_T + 1

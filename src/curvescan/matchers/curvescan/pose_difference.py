@@ -6,7 +6,7 @@ import math
 
 from curvescan.types import Pose
 
-# turn for each metre, radians, below which a motion is a line: its arc leaves the line by 1 cm in 0.6 m
+# Turn for each metre, radians, below which a motion is a line: its arc leaves the line by 1 cm in 0.6 m.
 _STRAIGHT = 0.05
 
 

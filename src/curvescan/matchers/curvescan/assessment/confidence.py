@@ -36,8 +36,8 @@ from curvescan.types import Bools, Floats
 
 # Metres of surface that are more than chance: a room is bare where less agrees beyond its four walls; people, who hide
 # things and agree by chance, are about where small things of more contradict a pose.
-# least share of what supports a pose that another explains for a guess to decide between the two
 ANY = 0.2
+# Least share of what supports a pose that another explains for a guess to decide between the two.
 GUESSED_REPETITION = 0.3
 
 COEFFICIENTS = {

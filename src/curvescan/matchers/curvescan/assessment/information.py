@@ -31,9 +31,9 @@ _N_COLUMNS = LEVER2 + 1
 
 _HOLDS = 0.5  # least share of the information in the least informed direction of an object that may hold it alone
 
-# free-standing things of a scan that may move together, as people do: more of them do not keep pace by chance
-# Share of the variance of a reading that the line through it holds: OWN_SHARE of its noise, and the rest of a mean.
+# Free-standing things of a scan that may move together, as people do: more of them do not keep pace by chance.
 _MAX_THINGS = 6
+# Share of the variance of a reading that the line through it holds: OWN_SHARE of its noise, and the rest of a mean.
 _LINE_NOISE = 0.3
 _LEAST_LEVER = 1e-3  # metres, so that nothing is divided by zero
 _N_SWEEPS = 8  # of Jacobi rotations: four reach rounding, the rest is for matrices of any scale

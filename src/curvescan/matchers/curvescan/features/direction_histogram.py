@@ -11,7 +11,7 @@ from curvescan.matchers.curvescan.features.range_image import bearing
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
 from curvescan.types import Floats
 
-# bins of the histogram: of 3 degrees, which smoothing and a parabola through the best shift make finer
+# Bins of the histogram: of 3 degrees, which smoothing and a parabola through the best shift make finer.
 N_DIRECTIONS = 120
 _LEAST_NORM2 = 1e-12  # square metres, so that a scan without surfaces is not divided by zero
 

@@ -23,7 +23,7 @@ class RangeImage(NamedTuple):
 
 
 AZIMUTH_MIN, SLOTS_A_RADIAN, SIGMA, SLOTS_A_BEAM = range(4)  # columns of `azimuth`
-# slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step
+# Slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step.
 _SLOTS_A_STEP = 4
 _MAX_SLOTS = 1 << 16
 

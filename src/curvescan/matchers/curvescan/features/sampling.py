@@ -10,7 +10,7 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.features.surfels import LENGTH, N_COLUMNS
 from curvescan.types import Floats
 
-# share of a circle by which steps around it spread most evenly, however many there are
+# Share of a circle by which steps around it spread most evenly, however many there are.
 _GOLDEN_SECTION = 0.5 * (math.sqrt(5) - 1.0)
 
 

@@ -24,28 +24,27 @@ N_COLUMNS = SPACING + 1
 SUM_X, SUM_Y, SUM_XX, SUM_XY, SUM_YY = range(5)  # columns of the running sums of `moments`
 # Columns of the line fitted around a reading: its centre and unit direction, mean squared distance of its readings from
 # it, sum of squares along it, first and last reading.
+FIT_X, FIT_Y, FIT_UX, FIT_UY, FIT_VARIANCE, FIT_ALONG, FIT_LOW, FIT_HIGH = range(8)
 # The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
 # two readings, none of it lose what the surface does within an arm.
+OWN_SHARE = 0.4
 # Two fifths of the variances of n residuals about a line lie below the true one over this: the chi-square quantile by
 # Wilson and Hilferty.
-FIT_X, FIT_Y, FIT_UX, FIT_UY, FIT_VARIANCE, FIT_ALONG, FIT_LOW, FIT_HIGH = range(8)
-OWN_SHARE = 0.4
 _SPREAD = 2.0 / (9 * np.maximum(np.arange(65) - 2, 3))
 _RAISED = 1.0 / (1.0 - _SPREAD - 0.2533 * np.sqrt(_SPREAD)) ** 3
 
 
 # Least square of the cosine of incidence by which a line's noise is taken for the range's: grazed walls say little.
+_MIN_FACING2 = 0.05
 # Multiple of the variance that noise explains from which on a line goes around a corner, and a better one is looked
 # for.
-# a line is better when its variance is less by this factor: of two that are as good the reading's own is kept
-# least cosine of incidence that surfels are taken to have: a grazed wall is rough
-_MIN_FACING2 = 0.05
 _BENT = 1.5
+# A line is better when its variance is less by this factor: of two that are as good the reading's own is kept.
 _BETTER = 1.3
-_MIN_INCIDENCE = 0.1
+_MIN_INCIDENCE = 0.1  # least cosine of incidence that surfels are taken to have: a grazed wall is rough
 _MIN_INCIDENCE2 = _MIN_INCIDENCE * _MIN_INCIDENCE
 
-# multiple of the variance that noise explains beyond which the rest is the surface's: below it it may be chance
+# Multiple of the variance that noise explains beyond which the rest is the surface's: below it it may be chance.
 _ROUGH = LIKELY_SIGMAS * LIKELY_SIGMAS
 _LEAST_ALONG = 1e-12  # square metres: readings in one place have no line
 

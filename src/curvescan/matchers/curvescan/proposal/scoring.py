@@ -20,16 +20,15 @@ from curvescan.types import Floats
 
 # Share of the spacing of two readings on a surface by which a point of it may lie from the nearest one: half, and some
 # more where the surface is not straight.
+ALONG = 0.6
 # Tolerances of a pose not yet refined, moved along a corridor, quickly refined, and to be judged: metres, and metres
 # for each metre of range.
-# square of how far along a surface a point may lie from the nearest reading, besides, in limits across it
-# what is uncertain of a score of one sample; of n it is this over their root. A sample counts from -0.5 to 1.
-# poses near one that is kept that are tried in its place: more of them hardly score better
-ALONG = 0.6
 ROUGH, MOVED_ALONG, CLOSE, FINE = (0.08, 0.03), (0.06, 0.01), (0.04, 0.005), (0.03, 0.004)
+# Square of how far along a surface a point may lie from the nearest reading, besides, in limits across it.
 _REACH2 = SURE_SIGMAS * SURE_SIGMAS
+# What is uncertain of a score of one sample; of n it is this over their root. A sample counts from -0.5 to 1.
 _PROSPECT = 0.6
-_MAX_ALIKE = 4
+_MAX_ALIKE = 4  # poses near one that is kept that are tried in its place: more of them hardly score better
 
 
 @kernel
