@@ -209,7 +209,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "matchers": (649, 5, 0),
     "matchers/baselines": (1679, 44, 35),
     "matchers/cfsma": (1112, 15, 17),
-    "matchers/curvescan": (4161, 144, 30),
+    "matchers/curvescan": (4045, 132, 30),
     "odometry": (2158, 30, 20),
     "paper": (1733, 84, 0),
     "plots": (763, 37, 0),
