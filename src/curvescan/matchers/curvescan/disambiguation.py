@@ -29,24 +29,17 @@ from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.result import Candidate, Outcome
 from curvescan.types import Bools, Cov, Floats, Pose
 
+# What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured.
 _ARMS = np.array([1.0, 1.0, 2.0])
-"""What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured."""
-
-_STRAIGHT = np.array([1.0, 1.0, 0.0])
-"""Takes the turn from a direction."""
-
+_STRAIGHT = np.array([1.0, 1.0, 0.0])  # takes the turn from a direction
+# Least metres along x or y of a direction, of 1 m at a typical reading, that is a translation and not a turn.
 _TRANSLATES = 0.3
-"""Least metres along x or y of a direction, of 1 m at a typical reading, that is a translation and not a turn."""
-
+# Metres, and radians times 2 m, from which on a candidate is another pose and no better place of the same.
 _OTHER = 0.25
-"""Metres, and radians times 2 m, from which on a candidate is another pose and no better place of the same."""
-
-_DIRECTION_SIGMA = 0.003
-"""Standard deviation of a degenerate direction, radians."""
-
+_DIRECTION_SIGMA = 0.003  # standard deviation of a degenerate direction, radians
+# Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
+# bare corridor have less in common than they seem to where they are laid over each other.
 _SHARE = 0.7
-"""Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
-bare corridor have less in common than they seem to where they are laid over each other."""
 
 
 _LEAST_SHIFT = 0.5
@@ -54,8 +47,7 @@ _LEAST_SHIFT = 0.5
 
 _MAX_CANDIDATES = 8
 
-_TIE = 0.97
-"""Of poses along an open direction with this share of the best score the one nearest to the guess is taken."""
+_TIE = 0.97  # of poses along an open direction with this share of the best score the one nearest to the guess is taken
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -17,11 +17,9 @@ from curvescan.matchers.curvescan.proposal.scoring import FINE, best_beside
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine
 from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
 
+# How far along a weak direction the scans are compared, in what it is known to where it just counts as known.
 _DOUBLED: Floats = np.array([1.0, 2.0, 4])
-"""How far along a weak direction the scans are compared, in what it is known to where it just counts as known."""
-
-_FLAT_SCORE = 0.92
-"""A weak direction is open when the scans agree there by this share of their score."""
+_FLAT_SCORE = 0.92  # a weak direction is open when the scans agree there by this share of their score
 
 
 class Assessment(NamedTuple):

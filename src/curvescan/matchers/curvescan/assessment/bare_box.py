@@ -18,11 +18,8 @@ from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.surfels import X, Y
 from curvescan.types import Codes, Floats
 
-_SIZE = 2.3
-"""Metres from corner to corner of what agrees: in less a robot turns round."""
-
-_N_TAKEN = 48
-"""Readings that stand for all where an extent is measured."""
+_SIZE = 2.3  # metres from corner to corner of what agrees: in less a robot turns round
+_N_TAKEN = 48  # readings that stand for all where an extent is measured
 
 
 def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPoses, assessment: Assessment) -> bool:

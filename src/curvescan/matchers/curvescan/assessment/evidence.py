@@ -29,13 +29,12 @@ from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE, Surface
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
 
+# Columns of an evidence. Metres of surface, the mean of both scans: that agrees; of that besides the two walls, not
+# parallel, that agree most; that agrees and fixes the direction fixed least; MISFIT has no unit: mean squared distance
+# of readings that agree over their variance; parallel to the other scan's surface and beside it; seen through, and no
+# small thing; seen through, in runs longer than 0.5 m; seen through, and small things; that agrees besides those two
+# walls and the two that face them, which are all of a bare room.
 AGREEING, EXCESS, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE, SMALL, BEYOND = range(9)
-"""Columns of an evidence. Metres of surface, the mean of both scans: that agrees; of that besides the two walls, not
-parallel, that agree most; that agrees and fixes the direction fixed least; MISFIT has no unit: mean squared distance of
-readings that agree over their variance; parallel to the other scan's surface and beside it; seen through, and no small
-thing; seen through, in runs longer than 0.5 m; seen through, and small things; that agrees besides those two walls and
-the two that face them, which are all of a bare room."""
-
 N_EVIDENCE = BEYOND + 1
 
 _CLEAR = 2  # readings beside a person on a wall whose lines the person may have tilted

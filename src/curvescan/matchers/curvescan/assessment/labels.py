@@ -22,19 +22,16 @@ from curvescan.matchers.curvescan.features.surfels import RANGE, VARIANCE
 from curvescan.matchers.result import Label
 from curvescan.types import Bools, Codes, Floats, Ints
 
+# Out of the other scan's sight; where the other scan saw the same surface; where the other scan saw through; what is
+# added where all of a surface moved.
 OCCLUDED, INLIER, DYNAMIC, MOVED = 0, 1, 2, 4
-"""Out of the other scan's sight; where the other scan saw the same surface; where the other scan saw through; what is
-added where all of a surface moved."""
-
+# Metres, besides twice what may lie apart, by which a reading stands before the other scan's surface to be another
+# thing. A reading without a line agrees so far across: of a thing as small as that the far side may be seen.
 IN_FRONT = 0.05
-"""Metres, besides twice what may lie apart, by which a reading stands before the other scan's surface to be another
-thing. A reading without a line agrees so far across: of a thing as small as that the far side may be seen."""
-
 _LABELS = (int(Label.NEW), int(Label.MATCHED), int(Label.DYNAMIC))  # of each code
 _UNMATCHED = int(Label.UNMATCHED)
 
-_MIN_PARTNERS = 4
-"""Readings of a segment from which on its mean says whether it moved."""
+_MIN_PARTNERS = 4  # readings of a segment from which on its mean says whether it moved
 
 
 @kernel

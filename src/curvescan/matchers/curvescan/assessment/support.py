@@ -12,15 +12,10 @@ from curvescan.matchers.curvescan.config import NEAR, SAME
 from curvescan.matchers.curvescan.pose_difference import difference
 from curvescan.types import Floats
 
+# Least share of what supports a pose that another explains at which the two cannot be distinguished.
 MAX_REPETITION = 0.45
-"""Least share of what supports a pose that another explains at which the two cannot be distinguished."""
-
-_REGULAR = 0.33
-"""The same of two poses as far from it to either side, as in a row of equal things."""
-
-_PITCH = 0.5
-"""Least distance of the things in a row, metres."""
-
+_REGULAR = 0.33  # the same of two poses as far from it to either side, as in a row of equal things
+_PITCH = 0.5  # least distance of the things in a row, metres
 _MAX_LOG_ODDS = 60  # beyond it a probability is 0 or 1
 
 

@@ -17,8 +17,8 @@ _ACROSS = 0.88  # cosine of the angle, 28 degrees, from which on two walls do no
 _ALIKE = 0.98  # cosine of the angle, 11 degrees, within which a reading faces as its wall does, or against another
 _N_TAKEN = 48  # readings that stand for all
 _N_SEEDS = 16  # of these the ones through which walls are looked for
+# Rows of the readings taken: normal, centre and length of each.
 LINE_NX, LINE_NY, LINE_CX, LINE_CY, LINE_LENGTH = range(5)
-"""Rows of the readings taken: normal, centre and length of each."""
 _LINE_COLUMNS = (NX, NY, CX, CY, LENGTH)
 _N_LINE = len(_LINE_COLUMNS)
 

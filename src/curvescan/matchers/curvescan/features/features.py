@@ -19,15 +19,11 @@ from curvescan.matchers.curvescan.features.surfels import fit_lines, fit_surfels
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Floats, Ints
 
-_N_WIDE = 192
-"""Readings of each scan where poses that are nearly as good as each other are compared."""
-
-_NOISY = 0.02
-"""Range noise, metres, from which on segments and lines are found anew with it."""
-
+_N_WIDE = 192  # readings of each scan where poses that are nearly as good as each other are compared
+_NOISY = 0.02  # range noise, metres, from which on segments and lines are found anew with it
+# Growth of `jump` for each metre of range noise above that; power of the noise with which `arm` grows: from two thirds
+# on the directions of lines are known as well as with less noise.
 _JUMP_GROWTH, _ARM_GROWTH = 8.0, 0.9
-"""Growth of `jump` for each metre of range noise above that; power of the noise with which `arm` grows: from two thirds
-on the directions of lines are known as well as with less noise."""
 
 
 class CurvescanFeatures(NamedTuple):

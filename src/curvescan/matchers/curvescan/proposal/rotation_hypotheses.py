@@ -23,8 +23,8 @@ from curvescan.types import Floats
 
 _RIGHT_ANGLES = 4  # directions a right angle apart are one axis
 
+# Metres by which a residual may be wrong after a quick refinement, when the degenerate direction is looked for.
 _SIGMA = QUICK_SIGMAS[-1]
-"""Metres by which a residual may be wrong after a quick refinement, when the degenerate direction is looked for."""
 
 
 @kernel

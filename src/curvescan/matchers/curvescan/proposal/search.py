@@ -21,22 +21,13 @@ from curvescan.matchers.curvescan.proposal.scoring import CLOSE, MOVED_ALONG, RO
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.types import Floats, Pose
 
-_MAX_PAIRS = 4000
-"""Pairs of keypoints taken, at most."""
-
+_MAX_PAIRS = 4000  # pairs of keypoints taken, at most
+# Where no pose finds support, places up to so many metres along each axis are tried at which walls coincide within so
+# many metres, and so many an axis.
 _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED = 2.0, 0.1, 3
-"""Where no pose finds support, places up to so many metres along each axis are tried at which walls coincide within so
-many metres, and so many an axis."""
-
-_N_KEPT = 4
-"""Poses that are refined."""
-
-CONTESTED = 0.3
-"""A pose with this share of the best one's score competes with it, and is judged beside it."""
-
-_FEW_TRIED, _CERTAIN_SCORE = 24, 0.55
-"""With fewer poses than this to try, other ways are tried up to the next score."""
-
+_N_KEPT = 4  # poses that are refined
+CONTESTED = 0.3  # a pose with this share of the best one's score competes with it, and is judged beside it
+_FEW_TRIED, _CERTAIN_SCORE = 24, 0.55  # with fewer poses than this to try, other ways are tried up to the next score
 _NO_POSES = np.empty((0, 3))
 
 
