@@ -14,7 +14,8 @@ from curvescan.errors import LogFileError, LogFormatError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.mapping.occupancy import OccupancyGrid
-from curvescan.slam.localization.grid_map import field_of_grid, map_of_grid, opened
+from curvescan.slam.localization.field import field_of_grid
+from curvescan.slam.localization.grid_map import map_of_grid, opened
 from tests.slam.map_example import FILE, lap, scans
 
 

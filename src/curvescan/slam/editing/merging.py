@@ -15,7 +15,8 @@ from curvescan.slam.config import SlamConfig
 from curvescan.slam.editing.graph import solved
 from curvescan.slam.jobs import Problem
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.localization.grid_map import field_of_grid, map_of_grid
+from curvescan.slam.localization.field import field_of_grid
+from curvescan.slam.localization.grid_map import map_of_grid
 from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
