@@ -16,7 +16,6 @@ from curvescan.slam.editing.graph import solved
 from curvescan.slam.editing.operations import part_of
 from curvescan.slam.jobs import Problem
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.localization.field import field_of_grid
 from curvescan.slam.localization.grid_map import map_of_grid
 from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.map import SlamMap
@@ -87,7 +86,7 @@ def laid_on(one: OccupancyGrid, other: OccupancyGrid) -> OccupancyGrid:
 
     Raises InvalidArgumentError where nothing joins them.
     """
-    seen, other_seen = (map_of_grid(grid, field_of_grid(grid)) for grid in (one, other))
+    seen, other_seen = (map_of_grid(grid) for grid in (one, other))
     first = merged(seen, other_seen).poses[len(seen)]
     return moved(other, se2.compose(first, se2.inverse(other_seen.poses[0])))
 

@@ -60,8 +60,9 @@ def with_field(found: SlamMap | OccupancyGrid, config: SlamConfig) -> tuple[Slam
     return map_of_grid(found, field), field, replace(config, noise=noise)
 
 
-def map_of_grid(grid: OccupancyGrid, field: DistanceField) -> SlamMap:
+def map_of_grid(grid: OccupancyGrid, field: DistanceField | None = None) -> SlamMap:
     """Return a plain map with what a laser would see from its free places as keyframes."""
+    field = field or field_of_grid(grid)
     step = _STEP_M
     while len(places := field.places(step, _CLEARANCE_M)) > _N_PLACES:
         step *= float(np.sqrt(len(places) / _N_PLACES))
