@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import pkgutil
 import random
 import sqlite3
 import zipfile
@@ -106,7 +107,8 @@ def _read_log(row: str, path: Path, rng: random.Random) -> None:
     if draw < 0.5:
         log = read_log(path)
     else:  # whatever the sniff says
-        log = next(one for one in FORMATS if one.name == row).load()(path, range_max=None, topic=None)
+        reader = next(one.reader for one in FORMATS if one.name == row)
+        log = pkgutil.resolve_name(reader)(path, range_max=None, topic=None)
     _check_log(log)
     if draw < 0.1 and len(log) < 200:
         find_issues(inspect_log(log))

@@ -106,9 +106,7 @@ NAMED = (
         "motion_gate_chi2: float = 60.0",
         "odometry/test_gating.py",
     ),
-    _named(
-        "pauses clamped ten times later", "odometry/motion_model.py", "_MAX_STRETCH = 20.0\n", "_MAX_STRETCH = 200.0\n"
-    ),
+    _named("pauses clamped ten times later", "odometry/motion_model.py", "_MAX_STRETCH = 20\n", "_MAX_STRETCH = 200\n"),
     _named(
         "stale share 0.4 instead of 0.1",
         "diagnostics/issues.py",

@@ -188,7 +188,7 @@ def test_a_folder_is_small_and_says_what_it_is_for(folder):
 MAX_COLUMNS = 120
 MAX_TOTAL_LINES, MAX_ARGUMENTS = 60, 8
 
-MOST_LONG, MOST_ARGUMENTS = 3, 9
+MOST_LONG, MOST_ARGUMENTS = 3, 2
 """Functions of more than MAX_TOTAL_LINES with their docstrings, and of more than MAX_ARGUMENTS arguments."""
 
 MOST_WIDE = {"src": 0, "tests": 0, "docs": 0}
@@ -198,25 +198,25 @@ PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
 """Floats that nobody tunes; neither are those of 1e-6 and smaller, which guard divisions."""
 
 BUDGET: dict[str, tuple[int, int, int]] = {
-    "(ground)": (1639, 32, 0),
+    "(ground)": (1636, 32, 0),
     "benchmarks": (534, 23, 0),
     "cli": (2648, 15, 0),
-    "diagnostics": (2037, 57, 0),
-    "evaluation": (863, 15, 0),
-    "io": (6239, 38, 0),
-    "live": (2953, 41, 0),
-    "mapping": (854, 17, 8),
+    "diagnostics": (2024, 57, 0),
+    "evaluation": (860, 15, 0),
+    "io": (6210, 38, 0),
+    "live": (2944, 41, 0),
+    "mapping": (853, 17, 8),
     "matchers": (649, 5, 0),
-    "matchers/baselines": (1688, 44, 35),
+    "matchers/baselines": (1679, 44, 35),
     "matchers/cfsma": (1112, 15, 17),
-    "matchers/curvescan": (4161, 144, 30),
+    "matchers/curvescan": (4045, 132, 30),
     "odometry": (2158, 30, 20),
     "paper": (1733, 84, 0),
     "plots": (763, 37, 0),
-    "runs": (1506, 15, 0),
-    "runs/batch": (1951, 5, 0),
+    "runs": (1475, 14, 0),
+    "runs/batch": (1949, 5, 0),
     "se2": (387, 0, 0),
-    "simulation": (2074, 156, 0),
+    "simulation": (2073, 156, 0),
     "slam": (5711, 116, 37),
 }
 """Lines, tuned numbers and config fields that a room may have: they go down, and this table with them."""

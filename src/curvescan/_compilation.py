@@ -16,10 +16,9 @@ _NOTICED_S = 1.0
 
 
 class CompilationWatch:
-    """Measures how long kernels take to compile, reports it once a process, and halts the garbage collector meanwhile.
+    """Measures how long kernels take to compile, reports it once, and halts the garbage collector meanwhile.
 
-    A compiler makes millions of objects that live until it is done: looking through them again and again takes a
-    tenth of its time.
+    The collector would take a tenth of the compiler's time: it makes millions of objects that live until it is done.
     """
 
     def __init__(self) -> None:

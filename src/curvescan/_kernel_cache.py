@@ -78,8 +78,7 @@ def read_folders() -> tuple[Path, ...]:
 def source_digest(root: Path) -> str | None:
     """Return a digest of the sources that machine code can depend on, or None where they are not files.
 
-    These are the files that define kernels and whatever they import, directly or not: an edit elsewhere compiles
-    nothing anew.
+    These are the files that define kernels and all that they import: an edit elsewhere compiles nothing anew.
     """
     try:
         sources = {
@@ -125,9 +124,8 @@ class _Names(CompileResultCacheImpl):
 class KernelCache(FunctionCache):
     """The machine code of one kernel, whose faults cost time and never a result.
 
-    What cannot be read (cut short by a full disk or a lost power supply) is compiled again; what cannot
-    be written is not kept, which is said once. Two processes that compile two variants of one kernel at
-    the same time can leave an index that names the one for the other; this is noticed here.
+    Code that cannot be read is compiled again; code that cannot be written is not kept, and this is reported once. Two
+    processes that write at the same time can mix up two variants of a kernel: loading checks which one it is.
     """
 
     def __init__(self, function: Any) -> None:  # not Numba's, which looks for a folder for each function

@@ -1,4 +1,4 @@
-"""Names for the arrays and the edges that travel between rooms.
+"""Type names of the arrays and pose-graph edges that several folders use.
 
 The aliases carry meaning for the reader; shapes stand in the docstrings and are checked once, where
 data enters the library.

@@ -6,6 +6,7 @@ import bz2
 import gzip
 import io
 import os
+import pkgutil
 import sqlite3
 import subprocess
 import sys
@@ -54,7 +55,7 @@ def test_each_row_sniffs_its_sample_and_gives_a_log(row: LogFormat, tmp_path: Pa
     assert row.sniff(sample)
     assert not row.sniff(b"")
     assert not row.sniff(PNG)
-    log = row.load()(path, range_max=7.5, topic=None)
+    log = pkgutil.resolve_name(row.reader)(path, range_max=7.5, topic=None)
     assert isinstance(log, Log)
     assert log.format == row.name
     assert len(list(log)) == len(log) == 1

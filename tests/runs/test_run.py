@@ -177,3 +177,10 @@ def test_a_run_is_evaluated_in_one_call(log_file, tmp_path):
         cs.evaluate(run)
     with pytest.raises(cs.InvalidArgumentError, match="a Run, a Trajectory or a path, got ndarray"):
         cs.evaluate(run.trajectory.poses, reference=run)
+
+
+def test_an_unknown_option_is_told():
+    with pytest.raises(cs.InvalidArgumentError, match="run has an unknown key 'odometry_priors': did you mean 'odom"):
+        cs.run([], odometry_priors=True)
+    with pytest.raises(cs.InvalidArgumentError, match="localize has an unknown key 'truth'"):
+        cs.localize([], "floor.csmap", truth=None)

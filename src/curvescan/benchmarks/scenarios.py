@@ -98,7 +98,7 @@ def score_scenario(
 
 @dataclass(frozen=True, kw_only=True)
 class OpenScore:
-    """How one method did where no laser can fix the whole pose."""
+    """Score of one method in a world where a direction of the pose is unobservable."""
 
     # names
     method: str

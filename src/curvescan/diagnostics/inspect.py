@@ -265,9 +265,7 @@ def _codes(statistics: LogStatistics) -> tuple[ReadingCode, ...]:
 def _suspect(statistics: LogStatistics) -> ReadingCode | None:
     """Return a value that stands for *no reading* without being declared so, or None.
 
-    A driver that reports a fixed number where nothing came back makes one of the largest values by far the most
-    frequent of them; a real reading, however far, seldom repeats itself exactly. 1 % of all readings is more than
-    one beam of a standing sensor, which may well repeat itself.
+    A real reading seldom repeats exactly. A driver's code is one of the largest values, and by far the most frequent.
     """
     largest = sorted(statistics.top)[-_N_SUSPECTS:]
     least = max(_MIN_SUSPECT_COUNT, _MIN_SUSPECT_SHARE * statistics.n_fresh_readings)

@@ -93,8 +93,7 @@ _SHARE = 0.9  # share of the sure visits that are exact in poses that never drif
 def why_reference(log: Log, poses: Pose) -> str:
     """Return why the poses (n, 3) in a log are a reference; empty for wheel odometry.
 
-    A log may say so itself (NEFF lines, frames of a bag). Poses that come back to a place after a long way within
-    centimetres of what the scans say tell it too: wheels drift by one part in a hundred or so.
+    The log says so (NEFF lines, frames of a bag), or the poses come back to places within centimetres: wheels drift.
     """
     if isinstance(log, EstimatedLog) and (why := log.why_estimated()):
         return why
@@ -147,11 +146,9 @@ class Prior:
 def choose_prior(
     log: Log, *, sense: RotationDirection | None = None, lag: float = 0.0, wanted: bool | None = None
 ) -> Prior:
-    """Return the motion prior of a log, whose wheels lag by so many seconds.
+    """Return the motion prior of a log, whose wheels lag by so many seconds; wanted: see :func:`prepare_log`.
 
-    With wanted=None it is used where it agrees with the scans, with True in any case, with False never.
-    Raises InvalidArgumentError where it is wanted and there is none, it turns against the scans, or is the output of a
-    SLAM.
+    Raises InvalidArgumentError where it is wanted, and there is none, it turns against the scans, or SLAM made it.
     """
     found, poses = _poses_of(log, lag)
     if poses is None:

@@ -97,7 +97,7 @@ def compare_rotation(scans: Iterable[LaserScan], headings: Floats, reference: Re
 
 
 def turn_between(earlier: LaserScan, later: LaserScan) -> float:
-    """Return the angle a sensor turned by between two scans, where their profiles determine it clearly."""
+    """Return the angle by which a sensor turned between two scans, radians; 0 where they do not show it clearly."""
     step, n = earlier.angle_increment, len(earlier)
     if len(later) != n or later.angle_increment != step or not earlier.has_uniform_angles:
         return 0.0

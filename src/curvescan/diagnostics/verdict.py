@@ -49,18 +49,10 @@ _SPOILING = ("stale_beams", "turns_against", "undeclared_code", "undeclared_code
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """Whether a run can be trusted.
+    """Whether a run can be trusted."""
 
-    Attributes
-    ----------
-    is_trusted : bool
-        Whether nothing speaks against the result.
-    reasons : tuple of str
-        What does, a clause each with its figures and what helps; empty when trusted.
-    """
-
-    is_trusted: bool
-    reasons: tuple[str, ...] = ()
+    is_trusted: bool  # whether nothing speaks against the result
+    reasons: tuple[str, ...] = ()  # what speaks against it: a clause each, with its figures and what helps
 
     @property
     def sentence(self) -> str:

@@ -62,7 +62,7 @@ class LogEvaluation:
 
     @property
     def median_difference(self) -> tuple[float, float]:
-        """Median distance (metres) and angle (radians) from the log's own motion, of what matched; NaN without any."""
+        """Median difference of the matched motions from the log's own, metres and radians; NaN without any."""
         if self.difference is None:
             return float("nan"), float("nan")
         known = self.difference[~np.isnan(self.difference[:, 0])]

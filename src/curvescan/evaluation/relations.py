@@ -39,13 +39,10 @@ class Association:
 
 
 def associate(first: Floats, second: Floats, *, tolerance: float = 0.01) -> Association:
-    """Return the pairs of two lists of stamps, equal stamps first, then the nearest within a tolerance.
+    """Return the pairs of two lists of stamps (n,): equal stamps first, then the nearest within a tolerance.
 
-    Equal stamps that repeat are paired in their order. Of the others, each pair of stamps within the tolerance is a
-    candidate, and the nearest are taken first. Where more than half of the stamps of a list repeat, stamps say
-    nothing: the lists are then paired in their order, if they are equally long.
-
-    first, second (n,). Raises InvalidArgumentError.
+    Where more than half of the stamps of a list repeat, lists of one length are paired in their order. Raises
+    InvalidArgumentError.
     """
     if _says_nothing(first) or _says_nothing(second):
         if len(first) != len(second):

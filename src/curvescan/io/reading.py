@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, cast
+from typing import Protocol
 
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.arrays.coreslam import N_COLUMNS
@@ -40,10 +40,6 @@ class LogFormat:
     sniff: Callable[[bytes], bool]
     """Whether the first HEAD_BYTES of a file, unpacked, look like this format. It never raises."""
     reader: str  # ``"module:function"`` of a LogReader
-
-    def load(self) -> LogReader:
-        """Return the reader, importing its module."""
-        return cast(LogReader, pkgutil.resolve_name(self.reader))
 
 
 _CARMEN_TAGS = re.compile(
@@ -195,8 +191,8 @@ def open_log(path: str | os.PathLike[str], *, range_max: float | None, topic: st
             "reads logs in buckets as they are"
         )
     first = storage_files(file)[0] if file.is_dir() else file
-    row = find_format(read_head(first, HEAD_BYTES), first)
-    return apply_setup(row.load()(file, range_max=range_max, topic=topic), setup)
+    reader: LogReader = pkgutil.resolve_name(find_format(read_head(first, HEAD_BYTES), first).reader)
+    return apply_setup(reader(file, range_max=range_max, topic=topic), setup)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -11,7 +11,7 @@ import sqlite3
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol, TypeAlias, cast
+from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
@@ -41,10 +41,6 @@ class OutputFormat:
     writer: str  # ``"module:function"`` of a LogWriter
     is_folder: bool = False  # whether the result is a folder
     is_text: bool = False  # whether the further ending ``.gz`` selects gzip
-
-    def load(self) -> LogWriter:
-        """Return the writer, importing its module."""
-        return cast(LogWriter, pkgutil.resolve_name(self.writer))
 
 
 WRITERS: dict[str, OutputFormat] = {
@@ -104,7 +100,7 @@ def write_log(
         _check_is_other(target, Path(source))
     if row.is_folder and target.exists() and not (target.is_dir() and not any(target.iterdir())):
         raise OutputError(f"{target} exists, and a ROS 2 bag is a folder of its own: remove it or choose another name")
-    write = row.load()
+    write: LogWriter = pkgutil.resolve_name(row.writer)
     with output_folder(target) if row.is_folder else output_file(target) as new:
         try:
             return write(new, log, on_scan or _nothing)
@@ -155,30 +151,18 @@ class RunData:
     scans: Iterable[LaserScan]  # what it ran over, to be read anew
 
 
-@dataclass(frozen=True, kw_only=True)
-class ExportFormat:
+class Export(NamedTuple):
     """One row of the table."""
 
     filename: str  # in the folder of the run
     writer: str  # ``"module:function"``
     takes: tuple[str, ...]  # fields of RunData that the writer takes, behind the path
 
-    def write(self, folder: Path, data: RunData) -> None:
-        """Write the file into a folder, importing the writer's module."""
-        function: Callable[..., None] = pkgutil.resolve_name(self.writer)
-        function(folder / self.filename, *(getattr(data, field) for field in self.takes))
 
-
-EXPORTS: dict[str, ExportFormat] = {
-    "kitti": ExportFormat(
-        filename="trajectory.kitti", writer="curvescan.io.trajectories.layouts:write_kitti", takes=("trajectory",)
-    ),
-    "g2o": ExportFormat(
-        filename="graph.g2o", writer="curvescan.io.trajectories.relations:write_g2o", takes=("trajectory", "edges")
-    ),
-    "mcap": ExportFormat(
-        filename="run.mcap", writer="curvescan.io.ros.writing.bags:write_odometry_mcap", takes=("trajectory", "scans")
-    ),
+EXPORTS: dict[str, Export] = {
+    "kitti": Export("trajectory.kitti", "curvescan.io.trajectories.layouts:write_kitti", ("trajectory",)),
+    "g2o": Export("graph.g2o", "curvescan.io.trajectories.relations:write_g2o", ("trajectory", "edges")),
+    "mcap": Export("run.mcap", "curvescan.io.ros.writing.bags:write_odometry_mcap", ("trajectory", "scans")),
 }
 """Name of each export."""
 
@@ -203,7 +187,8 @@ def write_exports(folder: Path, names: Iterable[str], data: RunData) -> tuple[st
     check_exports(names)
     rows = [EXPORTS[name] for name in names]
     for row in rows:
-        row.write(folder, data)
+        write: Callable[..., None] = pkgutil.resolve_name(row.writer)
+        write(folder / row.filename, *(getattr(data, field) for field in row.takes))
     return tuple(row.filename for row in rows)
 
 

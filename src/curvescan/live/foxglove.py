@@ -19,13 +19,9 @@ _MAP_PERIOD, _MAP_SHARE = 2.0, 0.1
 
 
 class FoxgloveSink(MapSink):
-    """Serves /scan, /odom, /tf and /map to Foxglove, in a thread of its own.
+    """Serves /scan, /odom, /tf and /map to Foxglove in its own thread; a slow client loses the oldest messages.
 
-    A client that is slower than the run loses the oldest messages, and holds up nobody. One that comes late is sent the
-    map at once.
-
-    `name` is the source's; port 0 is one that is free; the options are those of
-    :class:`curvescan.live.sinks.MapOptions`. /map begins with the saved map.
+    `name` is the source's; port 0 is a free one; /map begins with the saved map, and a late client gets it at once.
     """
 
     def __init__(

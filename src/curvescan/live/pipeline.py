@@ -50,14 +50,11 @@ def run_live(
     is_lossless: bool | None = None,
     on_scan: Callable[[TrackedScan], object] | None = None,
 ) -> LiveReport:
-    """Track the scans of a source and hand them to the sinks.
+    """Track the scans of a source, which is opened and closed here, and hand them to sinks, which the caller closes.
 
-    The source is read in a thread of its own. A live one is never kept waiting: when tracking falls behind by more than
-    four scans the oldest is dropped and counted. A fault of the source ends the run; what came before is kept, and the
-    report names the fault. The source is opened and closed here, the sinks are closed by the caller.
-
-    is_lossless: whether the source waits for the tracker, so that nothing is dropped; None: unless it is live; on_scan:
-    called after each scan, in the calling thread. Raises SourceError where the source cannot be opened.
+    A live source never waits: when tracking falls behind by more than four scans, the oldest is dropped and counted. A
+    fault of the source ends the run, and the report names it. is_lossless: whether the source waits, None: unless it is
+    live; on_scan: called after each scan. Raises SourceError where the source cannot be opened.
     """
     lossless = not source.is_live if is_lossless is None else is_lossless
     queue: BoundedQueue[tuple[LaserScan, float]] = BoundedQueue(_CAPACITY, is_lossless=lossless)

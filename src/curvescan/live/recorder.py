@@ -60,12 +60,10 @@ MAP_PERIOD = 10.0  # the map is written at most every so many seconds, and at th
 
 
 class McapRecorder(MapSink):
-    """Writes each scan to /scan, its pose by odometry to /odom and /tf, and the map to /map, in a thread of its own.
+    """Writes each scan to /scan, its pose by odometry to /odom and /tf, and the map to /map, in its own thread.
 
-    The file appears, whole, when the recorder is closed. Ranges are written as float32, what a LaserScan message has;
-    beams that are not evenly spaced are not written, and that is reported at the end.
-
-    The options are those of :class:`curvescan.live.sinks.MapOptions`; /map begins with the saved map.
+    The file appears whole when the recorder is closed. Ranges are written as float32. Scans whose beams are not evenly
+    spaced are left out, and that is reported at the end.
     """
 
     def __init__(self, path: str | os.PathLike[str], **options: Unpack[MapOptions]) -> None:

@@ -29,10 +29,10 @@ _LONGEST_PAUSE = 2.0  # a leap of a log's stamps is replayed as a pause of this 
 
 @runtime_checkable
 class ScanSource(Protocol):
-    """A source of scans: a context that yields them as they come.
+    """A source of scans: a context that yields them as they come. Leaving it from another thread ends it.
 
-    ``scans()`` blocks until the next scan is there, ends when the source has ended or is closed, and raises
-    :class:`curvescan.SourceError` when the sensor is gone. Leaving the context from another thread ends it.
+    ``scans()`` waits for the next scan, ends when the source has ended or is closed, and raises
+    :class:`curvescan.SourceError` when the sensor is gone.
     """
 
     @property

@@ -1,8 +1,8 @@
 """Which readings of a scan belong to something that moves, given where earlier scans were taken from.
 
 A reading that lies where an earlier scan looked through is of something that was not there before. A walker moves less
-than his own width from one scan to the next, so scans of about the last second are compared, not the last one alone;
-and a segment of which a part was not there before is taken to move as a whole.
+than his own width from one scan to the next, so scans of about the last second are compared. A segment of which a part
+is new is taken to move as a whole.
 
 After Núñez et al. 2009, section 2.2: the segments without a partner are the dynamic ones. A free-space violation
 separates what moved from what only came into view.

@@ -105,7 +105,7 @@ def _box(grid: OccupancyGrid, pose: Pose, side: float) -> tuple[Floats, Floats]:
 
 
 def _sampled(grid: OccupancyGrid, pose: Pose, config: OccupancyConfig, low: Floats, high: Floats) -> OccupancyGrid:
-    """Return the cells of a box: each as the old one at its centre; occupied where the centre of such a one lies."""
+    """Return the cells of a box, each as the old cell at its centre; one that holds an occupied centre is occupied."""
     side = config.resolution
     check_map_size(high - low, side)
     n_columns, n_rows = (high - low).astype(np.int64).tolist()

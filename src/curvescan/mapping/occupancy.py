@@ -108,8 +108,8 @@ class OccupancyBuilder:
     def add(self, scan: LaserScan, pose: ArrayLike, ignored: Bools | None = None) -> None:
         """Enter a scan.
 
-        A valid reading is a hit where it ends and clears what lies before; a beam of which nothing came back (+inf)
-        clears its way to a finite range_max; any other reading does nothing.
+        A valid reading marks a hit where it ends and clears the cells before it. A beam without a return (+inf) clears
+        the cells up to a finite range_max. Other readings change nothing.
 
         Parameters
         ----------

@@ -35,11 +35,10 @@ def build_maps(
     cell: float | None = 0.05,
     occupancy: OccupancyConfig | None = None,
 ) -> RunMaps:
-    """Return the maps of a run.
+    """Return the maps of a run; one that would be too large is left out.
 
-    poses (n, 3): Pose of the sensor at each scan, frame of the map; none may be NaN; is_joined (n,); cell: Side of
-    the cells of `standing` and `moved`, metres, > 0; None for neither of them; occupancy: How to make the occupancy
-    map; None for none. A map that would be too large is left out, and the rest stays.
+    poses (n, 3): of the sensor at each scan, none NaN; is_joined (n,); cell: side of the cells of `standing` and
+    `moved`, metres, None for neither; occupancy: how to make the occupancy map, None for none.
     """
     standing, moving = OccupiedCells(cell or 1.0), OccupiedCells(cell or 1.0)
     builder = OccupancyBuilder(occupancy) if occupancy else None

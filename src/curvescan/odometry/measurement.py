@@ -122,8 +122,7 @@ def _has_one_best(assessed: AssessedPose) -> bool:
     assessment = assessed.assessment
     if assessment is None or assessed.ties or assessed.is_degenerate[1:].any():
         return False
-    information, spurious = assessment.information[0], assessment.spurious[0]
-    return bool(information > 2.0 * spurious and information > _FLAT.max_sigma**-2)
+    return not assessment.is_open[0]
 
 
 def _unguided(assessed: AssessedPose, config: InformationConfig = _FLAT) -> UncertainPose:

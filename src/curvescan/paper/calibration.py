@@ -274,10 +274,10 @@ def _corners(sensor: Sensor, sigma: float, n_scans: int, seed: int) -> list[_Cor
 
 
 def _found(corners: list[_Corner], config: CfSmaConfig) -> float:
-    """Return the share of corners that show a peak where eq. 3 puts it.
+    """Return the share of corners that show a peak where eq. 3 puts it: U_k / (1 - cos(turn)) before the corner.
 
-    Two sides of length a and b waste a + b - c of their arc on the chord c: the walk gets round the corner from
-    U_k / (1 - cos(turn)) before it, and that is where the peak stands.
+    Two sides of length a and b waste a + b - c of their arc on the chord c, so that the walk goes round the corner
+    early.
     """
     found = 0
     for corner in corners:

@@ -4,10 +4,10 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import get_args
+from typing import TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,7 +33,6 @@ from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.plots.evaluation import draw_overlay, draw_reference_errors, draw_relation_errors, draw_relation_places
 from curvescan.runs.document import Part, ResultTable, write_markdown
 from curvescan.runs.result import Run
-from curvescan.types import Floats
 
 _WHICH: dict[Which, str] = {
     "near": "near, under {near:g} s apart",
@@ -201,18 +200,12 @@ def tables_of(errors: RelationErrors | ReferenceErrors) -> tuple[list[str], list
 
 def relation_tables(errors: RelationErrors) -> list[ResultTable]:
     """Return the errors of relations, and the published ones of the same log where there are any."""
-    rows = []
+    rows: list[_Row] = []
     for which, words in _WHICH.items():
         translation, rotation = errors.spreads(which)
         name = words.format(near=errors.near)
-        rows.append((f"{name}: translation", f"{translation.n:,}", *_entries(translation, 1.0, "m")))
-        degrees = 180.0 / np.pi
-        rows.append((f"{name}: rotation", f"{rotation.n:,}", *_entries(rotation, degrees, "deg")))
-    tables = [
-        ResultTable(
-            title="Errors of relations", columns=("relations", "count", "mean", "std", "median", "max"), rows=rows
-        )
-    ]
+        rows += [(f"{name}: translation", translation, 1.0, "m"), (f"{name}: rotation", rotation, _DEGREES, "deg")]
+    tables = [_spread_table("Errors of relations", "relations", rows, ("mean", "std", "median", "max"))]
     if errors.benchmark is not None:
         tables.append(_published_table(errors, errors.benchmark))
     return tables
@@ -220,22 +213,16 @@ def relation_tables(errors: RelationErrors) -> list[ResultTable]:
 
 def reference_tables(errors: ReferenceErrors) -> list[ResultTable]:
     """Return absolute and relative errors, and the drift."""
-    degrees = 180.0 / np.pi
     totals = errors.totals
-    rows = [
-        ("ATE, best alignment", *_row(errors.ate_best, 1.0, "m")),
-        ("ATE, first poses made equal", *_row(errors.ate_first, 1.0, "m")),
-        ("RPE, pose to pose: translation", *_row(errors.rpe_frame.translation, 1.0, "m")),
-        ("RPE, pose to pose: rotation", *_row(errors.rpe_frame.rotation, degrees, "deg")),
-        ("RPE, each metre: translation", *_row(errors.rpe_metre.translation, 1.0, "m")),
-        ("RPE, each metre: rotation", *_row(errors.rpe_metre.rotation, degrees, "deg")),
+    rows: list[_Row] = [
+        ("ATE, best alignment", Spread.of(errors.ate_best), 1.0, "m"),
+        ("ATE, first poses made equal", Spread.of(errors.ate_first), 1.0, "m"),
     ]
+    for name, one in (("pose to pose", errors.rpe_frame), ("each metre", errors.rpe_metre)):
+        rows.append((f"RPE, {name}: translation", Spread.of(one.translation), 1.0, "m"))
+        rows.append((f"RPE, {name}: rotation", Spread.of(one.rotation), _DEGREES, "deg"))
     return [
-        ResultTable(
-            title="Errors against the reference",
-            columns=("", "count", "mean", "std", "median", "rmse", "max"),
-            rows=rows,
-        ),
+        _spread_table("Errors against the reference", "", rows, ("mean", "std", "median", "rmse", "max")),
         ResultTable(
             title=f"Drift over {totals.path_length:.1f} m and {np.degrees(totals.turned):,.0f} deg of turns",
             columns=("", "at the end", "for each metre travelled", "for each degree turned"),
@@ -250,6 +237,25 @@ def reference_tables(errors: ReferenceErrors) -> list[ResultTable]:
             ],
         ),
     ]
+
+
+_Row: TypeAlias = tuple[
+    str, Spread, float, str
+]  # what it is of, its figures, and the scale and the unit to show them in
+_DEGREES = 180.0 / np.pi
+
+
+def _spread_table(title: str, first: str, rows: Sequence[_Row], names: tuple[str, ...]) -> ResultTable:
+    """Return a table of the figures of these names, a row a spread."""
+
+    def shown(value: float, scale: float, unit: str) -> str:
+        return "-" if np.isnan(value) else f"{scale * value:.4f} {unit}"
+
+    entries = [
+        (what, f"{spread.n:,}", *(shown(getattr(spread, name), scale, unit) for name in names))
+        for what, spread, scale, unit in rows
+    ]
+    return ResultTable(title=title, columns=(first, "count", *names), rows=entries)
 
 
 def relation_notes(errors: RelationErrors) -> list[str]:
@@ -274,23 +280,16 @@ def reference_notes(errors: ReferenceErrors) -> list[str]:
 
 
 def _published_table(errors: RelationErrors, benchmark: BenchmarkLog) -> ResultTable:
-    near, everything = errors.spreads("near"), errors.spreads("all")
+    def shown(name: str, which: Which) -> tuple[str, str, str]:
+        moved, turned = errors.spreads(which)
+        rotation = f"{np.degrees(turned.mean):.2f} ± {np.degrees(turned.std):.2f} deg"
+        return name, f"{moved.mean:.3f} ± {moved.std:.3f} m", rotation
+
     rows = [_published_row(one) for one in benchmark.errors]
-    for name, (translation, rotation) in (
-        ("this trajectory, all relations", everything),
-        ("this trajectory, near relations", near),
-    ):
-        rows.append(
-            (
-                name,
-                f"{translation.mean:.3f} ± {translation.std:.3f} m",
-                f"{np.degrees(rotation.mean):.2f} ± {np.degrees(rotation.std):.2f} deg",
-            )
-        )
     return ResultTable(
         title=f"Published on {benchmark.name}, all relations ({SOURCE}), and this trajectory",
         columns=("method", "translation", "rotation"),
-        rows=rows,
+        rows=[*rows, shown("this trajectory, all relations", "all"), shown("this trajectory, near relations", "near")],
     )
 
 
@@ -301,15 +300,3 @@ def _published_row(one: PublishedError) -> tuple[str, str, str]:
         degrees, spread = one.rotation
         rotation = f"{degrees:g} deg" if spread is None else f"{degrees:g} ± {spread:g} deg"
     return (one.method, f"{mean:.3f} ± {std:.3f} m", rotation)
-
-
-def _entries(spread: Spread, scale: float, unit: str) -> tuple[str, ...]:
-    values = (spread.mean, spread.std, spread.median, spread.max)
-    return tuple("-" if np.isnan(v) else f"{scale * v:.4f} {unit}" for v in values)
-
-
-def _row(values: Floats, scale: float, unit: str) -> tuple[str, ...]:
-    spread = Spread.of(values)
-    mean, std, median, largest = _entries(spread, scale, unit)
-    rmse = "-" if np.isnan(spread.rmse) else f"{scale * spread.rmse:.4f} {unit}"
-    return (f"{spread.n:,}", mean, std, median, rmse, largest)

@@ -92,8 +92,7 @@ class OdometryProcess:
     def call_after(self, function: Callable[_P, _R], *args: _P.args, **kwargs: _P.kwargs) -> Callable[[], _R]:
         """Have the process call a function when the odometry is done; what this returns gives the result.
 
-        Results are to be asked for in the order of the calls. Where the process cannot call it, the function is called
-        here, when its result is asked for: it may be called twice.
+        Ask for results in the order of the calls. Where the process cannot call the function, this process does.
         """
         self._calls.put((function, args, kwargs))
 

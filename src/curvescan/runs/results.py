@@ -41,12 +41,9 @@ RUN_RECORD = "run.json"
 
 
 def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -> RunMaps:
-    """Write all results of a run into an existing folder, and return its maps.
+    """Write all results of a run into an existing folder, run.json last, and return its maps.
 
-    trajectory.tum, trajectory.csv, map.png, wheels.png where the log has wheel odometry, and run.json. Of odometry and
-    SLAM also the occupancy map: map.pgm with map.yaml, and occupancy.png. Of SLAM also trajectory_online.tum,
-    graph.png, graph.g2o, closures.csv and map.csmap. helper: A process that draws what needs no occupancy map
-    meanwhile.
+    helper: a process that draws meanwhile what needs no occupancy map.
     """
     record, engine = run.record, run.engine
     write_tum(folder / "trajectory.tum", record.trajectory)

@@ -5,15 +5,15 @@ import pickle
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeAlias, get_args
+from typing import Any, Literal, Protocol, TypeAlias, TypedDict, Unpack, cast, get_args
 
 from numpy.typing import ArrayLike
 
 from curvescan._compilation import watch
-from curvescan.configs import as_config, nearest
+from curvescan.configs import as_config, check_names, nearest
 from curvescan.diagnostics.preparation import prepare_log
 from curvescan.diagnostics.verdict import judge
 from curvescan.errors import InvalidArgumentError
@@ -69,6 +69,25 @@ class Silent:
         """Show nothing."""
 
 
+class LocalizeOptions(TypedDict, total=False):
+    """What runs have in common, whatever the engine; see :func:`run`."""
+
+    odometry_prior: bool | None
+    as_is: bool
+    command: Sequence[str]
+    source: PathLike | None
+    display: RunDisplay | None
+    keeps_steps: bool
+
+
+class RunOptions(LocalizeOptions, total=False):
+    """What odometry and SLAM take besides."""
+
+    occupancy: OccupancyConfig | Mapping[str, Any] | None
+    truth: Pose | None
+    n_processes: int
+
+
 def run(
     log: LogLike,
     engine: EngineName = "odometry",
@@ -78,16 +97,8 @@ def run(
     config: OdometryConfig | SlamConfig | Mapping[str, Any] | None = None,
     matcher: MatcherConfig | None = None,
     map: SlamMap | PathLike | None = None,  # noqa: A002 - the name that Slam gives it
-    odometry_prior: bool | None = None,
-    as_is: bool = False,
     exports: Sequence[ExportName] = (),
-    occupancy: OccupancyConfig | Mapping[str, Any] | None = None,
-    truth: Pose | None = None,
-    command: Sequence[str] = (),
-    source: PathLike | None = None,
-    display: RunDisplay | None = None,
-    keeps_steps: bool = True,
-    n_processes: int = 2,
+    **options: Unpack[RunOptions],
 ) -> Run:
     """Return the trajectory and the map of a log, by odometry or SLAM, and write them into a folder.
 
@@ -109,13 +120,13 @@ def run(
         Configuration of the matcher.
     map : SlamMap, path or None
         SLAM: a map to continue; the log may begin anywhere in it.
+    exports : sequence of str
+        Further files: ``"kitti"``, ``"g2o"``, ``"mcap"``.
     odometry_prior : bool or None
         Whether to expect of each scan what the log's own wheel odometry or gyroscope gives, instead of the last motion;
         None where it agrees with the scans.
     as_is : bool
         Whether to take the log as it is, and mend nothing.
-    exports : sequence of str
-        Further files: ``"kitti"``, ``"g2o"``, ``"mcap"``.
     occupancy : OccupancyConfig, mapping or None
         How to make the occupancy map.
     truth : (n, 3) float64 or None
@@ -141,6 +152,7 @@ def run(
     OutputError
         When the results cannot be written.
     """
+    check_names(options, RunOptions.__annotations__, "run")
     if engine not in get_args(EngineName):
         near = nearest(engine, get_args(EngineName))
         raise InvalidArgumentError(f'engine must be "odometry" or "slam", got {engine!r:.80}; {near}'.rstrip("; "))
@@ -156,20 +168,11 @@ def run(
         begun = None if map is None else as_map(map)
         new, deskew = _new_slam(method, as_config(given, SlamConfig(), hint=_HINT), matcher, begun)
         exports = [name for name in exports if name != "g2o"]  # the graph is written as it is
-    job = _Job(
-        out=out,
-        odometry_prior=odometry_prior,
-        as_is=as_is,
-        occupancy=as_config(occupancy, OccupancyConfig(), name="occupancy"),
-        display=display or Silent(),
-        keeps_steps=keeps_steps or takes_edges(exports),
-        about={"truth": truth, "command": tuple(command)},
-        inputs=_files(map),
-        n_processes=n_processes if engine == "slam" else 1,
-    )
-    result = job.run(log, source, _STAGES[engine], deskew, new)
+    options["keeps_steps"] = options.get("keeps_steps", True) or takes_edges(exports)
+    options["n_processes"] = options.get("n_processes", 2) if engine == "slam" else 1
+    result = _run(log, new, options, stage=_STAGES[engine], deskew=deskew, out=out, inputs=_files(map))
     if exports and out is not None:
-        job.display.begin("exporting", 0)
+        (options.get("display") or Silent()).begin("exporting", 0)
         result = _export(result, out, exports)
     return result
 
@@ -183,14 +186,9 @@ def localize(
     config: SlamConfig | Mapping[str, Any] | None = None,
     matcher: MatcherConfig | None = None,
     initial_pose: UncertainPose | ArrayLike | None = None,
-    odometry_prior: bool | None = None,
-    as_is: bool = False,
-    command: Sequence[str] = (),
-    source: PathLike | None = None,
-    display: RunDisplay | None = None,
-    keeps_steps: bool = True,
+    **options: Unpack[LocalizeOptions],
 ) -> Run:
-    """Return where the sensor of a log is in a saved map, and write it into a folder.
+    """Localize the sensor of a log in a saved map, and write its poses into a folder.
 
     Parameters
     ----------
@@ -210,6 +208,7 @@ def localize(
     InvalidArgumentError, LogFileError, LogFormatError, OutputError
         As :func:`curvescan.run` does.
     """
+    check_names(options, LocalizeOptions.__annotations__, "localize")
     rules, known = as_config(config, SlamConfig(), hint=_HINT), opened(map)
 
     def new(deskew: bool) -> Localizer:
@@ -217,17 +216,8 @@ def localize(
         found.reset(*initial_pose) if isinstance(initial_pose, UncertainPose) else found.reset(initial_pose)
         return found
 
-    job = _Job(
-        out=out,
-        odometry_prior=odometry_prior,
-        as_is=as_is,
-        occupancy=OccupancyConfig(),
-        display=display or Silent(),
-        keeps_steps=keeps_steps,
-        about={"command": tuple(command)},
-        inputs=_files(map),
-    )
-    return job.run(log, source, "localization", rules.odometry.deskew, new)
+    given, deskew = cast(RunOptions, options), rules.odometry.deskew
+    return _run(log, new, given, stage="localization", deskew=deskew, out=out, inputs=_files(map))
 
 
 _NewEngine: TypeAlias = Callable[[bool], Engine]  # makes an engine that deskews, or not
@@ -259,64 +249,60 @@ def _deskewing(rules: SlamConfig, deskew: bool) -> SlamConfig:
     return replace(rules, odometry=replace(rules.odometry, deskew=deskew))
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Job:
-    """What runs have in common, whatever the engine."""
-
-    out: PathLike | None
-    odometry_prior: bool | None
-    as_is: bool
-    occupancy: OccupancyConfig
-    display: RunDisplay
-    keeps_steps: bool
-    about: Mapping[str, Any]
-    inputs: tuple[Path, ...] = ()
-    n_processes: int = 1
-
-    def run(self, log: LogLike, source: PathLike | None, stage: str, deskew: bool, new: _NewEngine) -> Run:
-        """Return what an engine makes of a log, and write it."""
-        opened, source = (read_log(log), log) if isinstance(log, str | os.PathLike) else (as_log(log), source)
-        shown = self.display
-        inputs = (*self.inputs, *(() if source is None else (Path(source),)))
-        # first of all: a place that cannot be written costs no work
-        with _folder(self.out, inputs) as folder, _other_process(len(opened), self.n_processes) as other:
-            shown.begin("looking for what is wrong with the log", 0)
-            prepared = prepare_log(
-                HeldLog(opened), odometry_prior=self.odometry_prior, as_is=self.as_is, is_order_needed=deskew
-            )
-            scans, odometry_poses = prepared.log, prepared.odometry_poses
-            engine = new(deskew and prepared.sensor.can_deskew)
-            load_kernels(engine, scans, odometry_poses)
-            shown.begin(stage, len(scans))
-            ahead = None
-            if other is not None and isinstance(engine, Slam):
-                ahead = other.place(engine.odometry, scans, odometry_poses)
-            record = run_engine(
-                scans,
-                engine,
-                odometry_poses=odometry_poses,
-                on_step=lambda _: shown.advance(),
-                ahead=ahead,
-                keeps_steps=self.keeps_steps,
-            )
-            result = Run(
-                log=opened,
-                engine=engine,
-                record=record,
-                prepared=prepared,
-                verdict=judge(record, engine, prepared),
-                scans=scans,
-                occupancy=self.occupancy,
-                source=None if source is None else Path(source),
-                inputs=inputs,
-                **self.about,
-            )
-            if folder is not None:
-                shown.begin("drawing the maps", 0)
-                maps = save_run(folder, result, helper=other)
-                files = tuple(sorted(file.name for file in folder.iterdir()))
-                result = replace(result, maps=maps, files=files, left_out=left_out(maps))
-        return result
+def _run(
+    log: LogLike,
+    new: _NewEngine,
+    options: RunOptions,
+    *,
+    stage: str,
+    deskew: bool,
+    out: PathLike | None,
+    inputs: tuple[Path, ...],
+) -> Run:
+    """Return what an engine makes of a log, and write it."""
+    occupancy = as_config(options.get("occupancy"), OccupancyConfig(), name="occupancy")
+    source, shown = options.get("source"), options.get("display") or Silent()
+    opened, source = (read_log(log), log) if isinstance(log, str | os.PathLike) else (as_log(log), source)
+    inputs = (*inputs, *(() if source is None else (Path(source),)))
+    # first of all: a place that cannot be written costs no work
+    with _folder(out, inputs) as folder, _other_process(len(opened), options.get("n_processes", 1)) as other:
+        shown.begin("looking for what is wrong with the log", 0)
+        prior, as_is = options.get("odometry_prior"), options.get("as_is", False)
+        prepared = prepare_log(HeldLog(opened), odometry_prior=prior, as_is=as_is, is_order_needed=deskew)
+        scans, odometry_poses = prepared.log, prepared.odometry_poses
+        engine = new(deskew and prepared.sensor.can_deskew)
+        load_kernels(engine, scans, odometry_poses)
+        shown.begin(stage, len(scans))
+        ahead = None
+        if other is not None and isinstance(engine, Slam):
+            ahead = other.place(engine.odometry, scans, odometry_poses)
+        record = run_engine(
+            scans,
+            engine,
+            odometry_poses=odometry_poses,
+            on_step=lambda _: shown.advance(),
+            ahead=ahead,
+            keeps_steps=options.get("keeps_steps", True),
+        )
+        result = Run(
+            log=opened,
+            engine=engine,
+            record=record,
+            prepared=prepared,
+            verdict=judge(record, engine, prepared),
+            scans=scans,
+            occupancy=occupancy,
+            truth=options.get("truth"),
+            command=tuple(options.get("command", ())),
+            source=None if source is None else Path(source),
+            inputs=inputs,
+        )
+        if folder is not None:
+            shown.begin("drawing the maps", 0)
+            maps = save_run(folder, result, helper=other)
+            files = tuple(sorted(file.name for file in folder.iterdir()))
+            result = replace(result, maps=maps, files=files, left_out=left_out(maps))
+    return result
 
 
 def load_kernels(engine: Engine, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> None:

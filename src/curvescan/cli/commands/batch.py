@@ -51,7 +51,7 @@ def batch(
     use: LogUse = LogFlags(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
 ) -> int:
-    """Run odometry or SLAM over many logs, on all cores or a Ray cluster; one bad log stops no other.
+    """Run odometry or SLAM over many logs, on all cores or a Ray cluster; a log that fails does not stop the others.
 
     Writes a folder of results for each log, as `curvescan odometry` or `curvescan slam` does; manifest.jsonl, a line
     for each log as soon as it is done; fleet.csv, the verdict of each run; workers.log, what went wrong in detail. Exit

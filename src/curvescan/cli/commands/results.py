@@ -40,7 +40,7 @@ class ChangeFlags:
     level: Flag = False
     """Turn it so that most of its walls are level."""
     crop: Annotated[Box | None, _BOX] = None
-    """Keep what lies within a box, metres."""
+    """Keep only the part of the map within a box, metres."""
     rub_out: Annotated[tuple[Box, ...], tyro.conf.UseAppendAction, _BOX] = ()
     """Remove the readings that end within a box, metres; may be repeated."""
     resolution: float | None = None

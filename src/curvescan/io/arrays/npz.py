@@ -195,7 +195,7 @@ _YEAR_ZERO = (1980, 1, 1, 0, 0, 0)  # date of all members: the same log gives th
 
 
 def write_npz(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
-    """Write a log as .npz, uncompressed, with the scans it has at first; a LogWriter that loses nothing."""
+    """Write the scans that a log has at the start as .npz, uncompressed; a LogWriter that loses nothing."""
     for _ in range(_MAX_ATTEMPTS):
         try:
             return _write(path, log, on_scan)

@@ -201,10 +201,9 @@ which counts centimetres, 0.76 to 0.88 in three of a PLS."""
 
 @dataclass
 class PlsSigns:
-    """What the readings of a log's sweeps say of their laser: FLASER lines lack the times of the beams of a SICK PLS.
+    """Signs in the readings that the laser is a SICK PLS, which counts in steps of 5 cm, up to 51.15 m.
 
-    Its mirror turns 25 times a second, so that half a turn, a sweep, takes 20 ms: a robot that turns by 45 degrees a
-    second is 0.9 degrees farther at its end. A PLS counts in steps of 5 cm, up to 51.15 m.
+    Its sweep takes 20 ms, which FLASER lines do not say: a robot that turns by 45 deg/s is 0.9 deg farther at its end.
     """
 
     # (5,): readings by their centimetre within a step of a PLS

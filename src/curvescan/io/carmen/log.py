@@ -56,12 +56,7 @@ _OTHER_LASERS = {
 
 
 class CarmenLog(ScanAccess):
-    """The sweeps of a CARMEN log's front laser, in file order; a Log.
-
-    The file is read through once on opening, to count sweeps and read errors, and anew by each iteration, one sweep in
-    memory at a time. A line that breaks the format is skipped and counted in ``read_errors``; readings of any value
-    (NaN, 0, 81.91) stay in the scan. Rear and further lasers (RLASER, ROBOTLASER2, ...) are counted and not read.
-    """
+    """The sweeps of a CARMEN log's front laser, in file order; a Log. Each iteration reads the file anew."""
 
     def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:
         refuse_topic(path, "CARMEN log", topic)

@@ -36,12 +36,10 @@ _WAITS_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 def output_folder(path: str | os.PathLike[str], *, inputs: Sequence[str | os.PathLike[str]] = ()) -> Iterator[Path]:
     """Yield a temporary folder whose files are moved to `path` when the block ends without an error.
 
-    It is made before the block runs, so that a place that cannot be written costs no work. A target that was missing
-    appears with all its files in one step. In one that exists, files of the same name are replaced, and so are those of
-    an earlier run that its run.json or results.json lists; other files stay. It never holds files of two runs: the old
-    ones are moved out before the new ones are moved in, the record first and last. After an error the target is as
-    before, and parent folders that were made for it are gone. A process that is killed leaves files of one run; where
-    that was in the middle of the move, all others are in the hidden folder, which then stays. Raises OutputError.
+    A target that was missing appears in one step. In one that exists, files of the same names are replaced, and those
+    of the run before, which its run.json or results.json lists; other files stay. After an error the target is as
+    before. A process that is killed leaves files of one run; the other run's are in the hidden folder, which then
+    stays. Raises OutputError.
     """
     with _temporary(path, _check_is_free, lambda target: target if target.exists() else target.parent) as found:
         temporary, target = found
@@ -55,8 +53,7 @@ def output_folder(path: str | os.PathLike[str], *, inputs: Sequence[str | os.Pat
 def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path; the file that the block writes there replaces `path` in one step when the block ends.
 
-    After an error, and when the process is killed, `path` is as before. A symbolic link stays, and what it leads to is
-    replaced. Missing parent folders are made.
+    After an error, and when the process is killed, `path` is as before. A symbolic link stays: its target is replaced.
     """
     with _temporary(path, _check_takes_file, lambda target: target.parent) as (temporary, target):
         yield temporary / target.name

@@ -28,10 +28,9 @@ _IDL_RULE = "=" * 80 + "\n"
 
 
 class Decoder:
-    """Decodes the messages of one bag.
+    """Decodes the messages of one bag, by the bag's own definition of a type where it has one that can be understood.
 
-    A definition that the bag carries is used where it differs from the bundled one, and the bundled one (ROS 1
-    Noetic, ROS 2 Humble) where the bag carries none, or none that can be understood.
+    Else by the bundled one: ROS 1 Noetic, ROS 2 Humble.
     """
 
     def __init__(self, connections: Sequence[Connection], *, is_ros1: bool) -> None:
@@ -169,7 +168,7 @@ def scan_of(message: Any, *, stamp: float | None = None, range_max: float | None
 
 
 def has_bad_times(message: Any) -> bool:
-    """Return whether a message gives a time of beams or sweeps that is none: negative, infinite, not a number."""
+    """Return whether time_increment or scan_time of a message is negative, infinite or not a number."""
     return not all(0.0 <= t < math.inf for t in _times(message))
 
 

@@ -117,7 +117,7 @@ class RosbagLog(ScanAccess):
         return self._odometry.why_estimated
 
     def turned_by_gyro(self) -> Floats | None:
-        """Return (n_scans,) the angle about z that the bag's gyroscope has turned by at each scan; None without one."""
+        """Return (n_scans,) the angle about z that the bag's gyroscope has measured by each scan; None without one."""
         stamps = np.array(self._surveyed().stamps)
         return read_gyro(self._bag, stamps, is_unstamped=self._is_unstamped)
 

@@ -190,11 +190,9 @@ class HistogramMatcher:
         return ring_histogram(coordinates / width, weights, n_bins, self.config.smoothing / width)
 
     def _covariance(self, trace: HistogramTrace, points: Points, angles: Floats, theta: float) -> Cov:
-        """Return the covariance from the widths of the peaks: width^2 / n, rotation carried into translation.
+        """Return the covariance from the widths of the peaks, width^2 / n; the authors give none.
 
-        The authors give none. A peak of n readings that err independently by its width has its centre to
-        width / sqrt(n); what is written down once more here is that the x histogram of a scan turned by too much is
-        moved by that angle times the mean y of the readings that face x.
+        A scan turned by too much moves its x histogram by that angle times the mean y of the readings that face x.
         """
         assert trace.rotation
         assert trace.x

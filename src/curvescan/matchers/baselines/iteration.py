@@ -43,12 +43,10 @@ class IterationTrace:
 def iterate(
     guess: Pose, step: Callable[[Pose, int], Pose | None], config: ConvergenceConfig, n_shrinking: int = 0
 ) -> IterationTrace:
-    """Return the poses of a method that repeats one step until it no longer moves.
+    """Return the poses of a method that repeats one step from a guess (3,) until it no longer moves.
 
-    A few pairs that change sides for ever make a method jump between two or three poses. That is convergence too, as
-    long as they lie within the limits of each other, and is found by looking at every earlier pose.
-
-    guess (3,); step.
+    A few pairs that change sides for ever make it jump between two or three poses: it has converged, too, when a pose
+    lies within the limits of any earlier one.
     """
     poses = [(float(guess[0]), float(guess[1]), float(guess[2]))]
     has_converged = is_lost = False
@@ -140,16 +138,12 @@ def point_to_line_step(
 def propagated_covariance(
     rows: Floats, errors: Floats, sources: Sequence[tuple[Ints, Floats]], least_sigma: float = LEAST_SIGMA
 ) -> Cov:
-    """Return the covariance of a least squares pose from the noise of the readings behind each error.
+    """Return the covariance of a least squares pose from the noise behind each error. rows (n, 3); errors (n,).
 
-    Censi, "An accurate closed-form estimate of ICP's covariance", ICRA 2007: to first order the pose moves by H^-1
-    S^T with the readings' noise, H = J^T J, and row s of S the sum of J over the errors that reading s takes part in.
-    A reading of the reference takes part in many, which (J^T J)^-1 sigma^2 does not see.
-
-    Sigma is what the errors themselves show, with n - 3 degrees of freedom (each pair gives one equation), or the
-    data sheet's where that is more, as a method that trims and that picks the nearest reading shows too little.
-
-    rows (n, 3); errors (n,).
+    Censi, "An accurate closed-form estimate of ICP's covariance", ICRA 2007: to first order the pose moves by H^-1 S^T
+    with the readings' noise, H = J^T J, and row s of S the sum of J over the errors that reading s takes part in. Sigma
+    is what the errors show, with n - 3 degrees of freedom, or the data sheet's where that is more: a method that trims,
+    and picks the nearest reading, shows too little.
     """
     n = len(rows)
     spread = sum(float(weights @ weights) for _, weights in sources) / n

@@ -32,8 +32,8 @@ _ADAPTIVE_ORDER, _ADAPTIVE_FACTOR = 0.7, 2.0
 class PlIcpMatcher:
     """PL-ICP.
 
-    Departure: Censi's line goes through the nearest reading and its neighbour. Here it has the direction fitted to
-    the readings within 0.15 m: two neighbours 17 mm apart and 10 mm of noise give any direction. On simulated pairs
+    Departure: Censi's line goes through the nearest reading and its neighbour. Here its direction is fitted to the
+    readings within 0.15 m: with 10 mm of noise, two neighbours 17 mm apart can give any direction. On simulated pairs
     0.6 m and 40 degrees apart it raised the right matches from 83 to 92 %, among people from 57 to 74 %.
 
     Departure: the greatest distance of a pair shrinks from iteration to iteration, as the scans come together.

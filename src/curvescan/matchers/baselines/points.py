@@ -140,8 +140,7 @@ def join(readings: Readings) -> ScanPoints:
 def hidden_readings(reference: ScanPoints, current: ScanPoints, guess: Pose) -> tuple[Bools, Bools]:
     """Return which readings of cur, and of ref, the other viewpoint cannot see if the guess is right.
 
-    Once, before the first step, as Lu and Milios do. Again at every step it would trust poses that are still wrong,
-    and people hide walls: among people IDC lost 4 to 7 matches in a hundred.
+    Lu and Milios do it once, before the first step. At every step it would trust poses that are still wrong.
     """
     cur_in_ref = se2.transform(guess, current.points)
     ref_in_cur = se2.transform(se2.inverse(guess), reference.points)

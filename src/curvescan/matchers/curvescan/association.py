@@ -21,11 +21,10 @@ from curvescan.matchers.curvescan.features.range_image import (
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, X, Y
 from curvescan.types import Floats
 
+# Rows of projected readings: metres in the frame of the other scan, and slots of its azimuth table.
 X_THERE, Y_THERE, PLACE = range(3)
-"""Rows of projected readings: metres in the frame of the other scan, and slots of its azimuth table."""
-
+# Readings of the current scan taken into the reference; of the reference into the current scan.
 FORWARD, BACKWARD = 1.0, -1.0
-"""Readings of the current scan taken into the reference; of the reference into the current scan."""
 
 
 class Motion(NamedTuple):

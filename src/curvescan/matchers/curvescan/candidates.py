@@ -15,7 +15,7 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess_pose
 from curvescan.matchers.curvescan.assessment.confidence import GUESSED_REPETITION, WeighedPoses, weigh
 from curvescan.matchers.curvescan.assessment.labels import INLIER
-from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.config import SAME, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
@@ -27,14 +27,10 @@ from curvescan.types import Floats, Pose
 
 _MIN_SCORE = 0.02  # least score of a pose that is looked at any further
 _N_TOP = 5  # poses that are judged beside one another, at most
-_AS_GOOD, _AS_GOOD_MARGIN = (
-    0.93,
-    0.04,
-)  # another pose with this share of the score, or less below it than this, is as good
+_AS_GOOD, _AS_GOOD_MARGIN = 0.93, 0.04  # a pose with this share of the best score, or less below it, is as good
 _FINE_STEP = 0.05  # metres at the typical reading: steps in which the best place along a direction is looked for
 _MAX_TURN = 0.5  # radians: turns along it are tried up to this angle
-_OTHER = 0.1  # metres, and half of it in radians: refined poses nearer to one another are one
-_FINISH = (*FINE, _N_TOP, 4096, _OTHER)
+_FINISH = (*FINE, _N_TOP, 4096, SAME)
 
 
 class RefinedCandidates(NamedTuple):
@@ -117,7 +113,7 @@ def search_degenerate_direction(
     moved_along = poses[0] + offsets[:, np.newaxis] * weakest
     moved_along = moved_along[np.abs(offsets * weakest[2]) < _MAX_TURN]
     images = ref.wide_image, cur.wide_image
-    best, _ = select(moved_along, *images, *CLOSE, 4, 24, _OTHER)
+    best, _ = select(moved_along, *images, *CLOSE, 4, 24, SAME)
     return _finish(ref, cur, np.concatenate((poses, best)), config)
 
 

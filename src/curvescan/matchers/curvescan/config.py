@@ -23,6 +23,19 @@ LIKELY_SIGMAS, SURE_SIGMAS = 2.0, 3.0
 REACH = 0.1
 """How far along its line a reading may lie from the line's centre: metres, and as many for each metre of range."""
 
+PARALLEL = 0.9
+"""Least cosine of the angle between two surfaces that run alike, 26 degrees."""
+
+NEAR = 0.3
+"""Metres plus radians within which two poses are one: a robot that stands still, a pose where the guess has it. In
+metres, and half of it in radians, two hypotheses."""
+
+SAME = 0.1
+"""Metres, and half of it in radians, within which two refined poses are one."""
+
+ARM = 0.12
+"""Half the length of the shortest line through readings, metres: so wide is a wall as well."""
+
 QUICK_SIGMAS = (0.06, 0.02)
 """See :class:`RefinementConfig`."""
 
@@ -33,7 +46,7 @@ class SegmentsConfig:
 
     incidence_limit: float = math.radians(10.0)
     """Worst incidence angle at which two neighbouring readings are still one surface, radians in (0, pi/2)."""
-    arm: float = 0.12
+    arm: float = ARM
     """Readings within this distance decide the line through a reading, metres; two a side at least."""
     jump: float = 0.03
     """Besides what the incidence explains, neighbouring readings of one surface may lie apart by this, metres."""
@@ -52,7 +65,7 @@ class SegmentsConfig:
 class KeypointsConfig:
     """Keypoints: corners and ends of surfaces."""
 
-    arms: tuple[float, ...] = (0.12, 0.25, 0.5)
+    arms: tuple[float, ...] = (ARM, 0.25, 0.5)
     """Lengths over which a surface is taken to turn, metres, ascending: furniture, door frames, walls. The middle one
     decides the direction of a surface at its end."""
     min_turn: float = 0.4
@@ -125,7 +138,7 @@ class RefinementConfig:
 
     quick: tuple[float, ...] = QUICK_SIGMAS
     """Sigma schedule: standard deviation added in each iteration on the samples, metres, for the few best poses."""
-    closer: tuple[float, ...] = (0.01,)
+    closer: tuple[float, ...] = (LASER_ERROR,)
     """The same for the one or two that are left."""
 
     @cached_property

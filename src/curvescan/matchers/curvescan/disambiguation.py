@@ -27,30 +27,22 @@ from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.result import Candidate, Outcome
 from curvescan.types import Bools, Cov, Floats, Pose
 
+# What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured.
 _ARMS = np.array([1.0, 1.0, 2.0])
-"""What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured."""
-
-_STRAIGHT = np.array([1.0, 1.0, 0.0])
-"""Takes the turn from a direction."""
-
+_STRAIGHT = np.array([1.0, 1.0, 0.0])  # takes the turn from a direction
+# Least metres along x or y of a direction, of 1 m at a typical reading, that is a translation and not a turn.
 _TRANSLATES = 0.3
-"""Least metres along x or y of a direction, of 1 m at a typical reading, that is a translation and not a turn."""
-
+# Metres, and radians times 2 m, from which on a candidate is another pose and no better place of the same.
 _OTHER = 0.25
-"""Metres, and radians times 2 m, from which on a candidate is another pose and no better place of the same."""
-
-_DIRECTION_SIGMA = 0.003
-"""Standard deviation of a degenerate direction, radians."""
-
+_DIRECTION_SIGMA = 0.003  # standard deviation of a degenerate direction, radians
+# Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
+# bare corridor have less in common than they seem to where they are laid over each other.
 _SHARE = 0.7
-"""Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
-bare corridor have less in common than they seem to where they are laid over each other."""
 
 
 _MAX_CANDIDATES = 8
 
-_TIE = 0.97
-"""Of poses along an open direction with this share of the best score the one nearest to the guess is taken."""
+_TIE = 0.97  # of poses along an open direction with this share of the best score the one nearest to the guess is taken
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -216,7 +208,7 @@ def competing_poses(problem: Problem, assessed: AssessedPose) -> tuple[Candidate
     if support is None or first is None:
         return ()
     information = assessed.information
-    if assessed.is_degenerate[0] and has_one_best(assessed, problem.config.information):
+    if assessed.is_degenerate[0] and has_one_best(assessed):
         along = first.axes[:, 0] / first.units
         information = information + np.outer(along, along) / problem.config.information.max_sigma**2
     best = Candidate(pose=assessed.poses[0], log_odds=support.log_odds, information=information.copy())
@@ -224,13 +216,12 @@ def competing_poses(problem: Problem, assessed: AssessedPose) -> tuple[Candidate
     return (best, *(_candidate(problem, assessed, row, support.log_odds + support.rivals[row]) for row in rows))
 
 
-def has_one_best(assessed: AssessedPose, config: InformationConfig) -> bool:
+def has_one_best(assessed: AssessedPose) -> bool:
     """Return whether the readings fix the pose, one direction only just, and no other pose along it is as good."""
     assessment = assessed.assessment
     if assessment is None or assessed.ties or assessed.is_degenerate[1:].any():
         return False
-    information, spurious = assessment.information[0], assessment.spurious[0]
-    return bool(information > 2.0 * spurious and information > config.max_sigma**-2)
+    return not assessment.is_open[0]
 
 
 def _candidate(problem: Problem, assessed: AssessedPose, row: int, log_odds: float) -> Candidate:

@@ -82,6 +82,8 @@ class CurvescanMatcher:
 def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict: Verdict) -> MatchResult:
     """Return the result for users: the pose with its covariance and labels, or the outcome without one."""
     ref, cur, assessment = problem.reference, problem.current, verdict.assessment
+    codes = (assessment.codes_ref, assessment.codes_cur) if assessment else (_NO_CODES, _NO_CODES)
+    labels = beam_labels(ref.n_beams, ref.beam_idx, codes[0], cur.n_beams, cur.beam_idx, codes[1])
     scores: list[float] = assessed.weighed.scores.tolist()
     return MatchResult(
         method="curvescan",
@@ -90,8 +92,8 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
         covariance=NO_COVARIANCE if verdict.covariance is None else verdict.covariance,
         n_matched=assessment.n_inliers if assessment else 0,
         trace=CurvescanTrace(reference=ref, current=cur, candidates=found, assessed=assessed),
-        labels_reference=beam_labels(ref.n_beams, ref.beam_idx, assessment.codes_ref if assessment else _NO_CODES),
-        labels_current=beam_labels(cur.n_beams, cur.beam_idx, assessment.codes_cur if assessment else _NO_CODES),
+        labels_reference=labels[: ref.n_beams],
+        labels_current=labels[ref.n_beams :],
         degenerate_direction=assessment.weakest if assessment and verdict.is_degenerate else None,
         score=_score(scores[:1]),
         runner_up=_score(scores[1:]),

@@ -5,9 +5,8 @@ from __future__ import annotations
 from curvescan._jit import kernel
 from curvescan.types import Floats
 
+# Columns: the upper triangle of the information, and the gradient.
 XX, XY, XT, YY, YT, TT, GRADIENT_X, GRADIENT_Y, GRADIENT_T = range(9)
-"""Columns: the upper triangle of the information, and the gradient."""
-
 N_TRIANGLE = TT + 1
 N_SUMS = GRADIENT_T + 1
 

@@ -6,8 +6,8 @@ import math
 
 from curvescan.types import Pose
 
+# Turn for each metre, radians, below which a motion is a line: its arc leaves the line by 1 cm in 0.6 m.
 _STRAIGHT = 0.05
-"""Turn for each metre, radians, below which a motion is a line: its arc leaves the line by 1 cm in 0.6 m."""
 
 
 def difference(pose: Pose, origin: Pose) -> tuple[float, float, float]:

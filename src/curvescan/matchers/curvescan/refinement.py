@@ -43,27 +43,19 @@ from curvescan.matchers.curvescan.normal_equations import (
 from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
 
+# Metres by which a residual may be wrong for each metre of range, over what it may at the sensor: how well a rotation
+# is known beside a translation, radians a metre.
 TURN_SIGMA = 0.3
-"""Metres by which a residual may be wrong for each metre of range, over what it may at the sensor: how well a rotation
-is known beside a translation, radians a metre."""
-
+# Squared normalised residuals (2 and 4 standard deviations) up to which a residual counts in full, and from which on
+# not at all; between them less and less, so that no iteration jumps.
 _KNEE_CHI2 = LIKELY_SIGMAS * LIKELY_SIGMAS
 _OUTLIER_CHI2 = 4 * _KNEE_CHI2
-"""Squared normalised residuals (2 and 4 standard deviations) up to which a residual counts in full, and from which on
-not at all; between them less and less, so that no iteration jumps."""
-
+# Least cosine of the angle between two lines of one surface, 46 degrees: the faces of a right corner are two.
 _FACING = 0.7
-"""Least cosine of the angle between two lines of one surface, 46 degrees: the faces of a right corner are two."""
-
+# Information that each parameter has before any reading, 1/m^2 and 1/rad^2: what no reading fixes moves little.
 _DAMPING = 10.0
-"""Information that each parameter has before any reading, 1/m^2 and 1/rad^2: what no reading fixes moves little."""
-
-_MAX_STEP = 0.5
-"""Longest step of an iteration, metres and radians: beyond it the lines are others."""
-
-EXACTLY = np.zeros(1)
-"""Sigma schedule of the last iteration: the pose is as good as the readings."""
-
+_MAX_STEP = 0.5  # longest step of an iteration, metres and radians: beyond it the lines are others
+EXACTLY = np.zeros(1)  # sigma schedule of the last iteration: the pose is as good as the readings
 _LEAST_PIVOT = 1e-12  # so that no root is taken of what rounding makes negative
 
 

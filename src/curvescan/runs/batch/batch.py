@@ -66,7 +66,7 @@ def run_batch(
     resume: bool = False,
     display: BatchDisplay | None = None,
 ) -> BatchResult:
-    """Run a job over many logs, a worker on each core; one bad log stops no other.
+    """Run a job over many logs, a worker on each core; a log that fails does not stop the others.
 
     The folder gets a folder of results for each log; manifest.jsonl, a line for each log as soon as it is done;
     fleet.csv, the same as a table, when all are; and workers.log, what the workers say. A log that breaks its worker,

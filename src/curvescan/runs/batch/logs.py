@@ -47,8 +47,7 @@ class LogState:
 def find_logs(patterns: Iterable[str | os.PathLike[str]]) -> tuple[LogState, ...]:
     """Return the logs that patterns match, each once, in the order of their absolute paths or URLs.
 
-    Of folders those that hold a ROS 2 bag are logs, and the files in them are not logs of their own. A path without
-    wildcards is taken as it is: whether it is a log will be seen.
+    A folder that holds a ROS 2 bag is a log, and the files in it are not. A path without wildcards is taken as it is.
     """
     paths: dict[Path, None] = {}
     remote: dict[str, LogState] = {}

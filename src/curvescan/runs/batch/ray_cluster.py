@@ -1,7 +1,7 @@
 """Workers that are actors of a Ray cluster, which the extra ``ray`` installs; see :class:`.workers.WorkerPool`.
 
-They run the same function as the processes of one machine. The cluster is the one that the environment variable
-RAY_ADDRESS names, else the one that runs on this machine, else one that is started here and ends with the batch.
+They run the same function as the processes of one machine. The environment variable RAY_ADDRESS names the cluster.
+Without it, a cluster that runs on this machine is used; else one is started, and ends with the batch.
 """
 
 import os

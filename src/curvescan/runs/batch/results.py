@@ -1,7 +1,7 @@
 """The manifest of a batch, and the table of all logs.
 
 A line of JSON for each log that was run, on the disk before the next one is written. A later line of the same log
-stands for an earlier one; one that was cut short when the machine went is left out.
+replaces an earlier one. A line that was cut short when the machine failed is ignored.
 """
 
 import csv

@@ -174,7 +174,7 @@ def answer(job: Job, task: Task) -> JobResult | Failure:
         return run_job(job, task.log, task.folder)
     except CurvescanError as error:
         return Failure(sentence=str(error))
-    except Exception as error:  # noqa: BLE001 - one bad log stops no other
+    except Exception as error:  # noqa: BLE001 - a log that fails does not stop the others
         said = f": {error}" if str(error) else ""
         return Failure(
             sentence=f"{type(error).__name__}{said} (its traceback is in workers.log)", traceback=traceback.format_exc()

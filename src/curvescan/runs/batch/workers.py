@@ -202,9 +202,8 @@ def run_tasks(
 ) -> Generator[Done, None, None]:
     """Run a job over logs on workers, and yield what becomes of each as soon as it is known.
 
-    Close the generator to end the workers before all is done.
-
-    timeout: Time that one task may take, seconds; inf for any. Raises InvalidArgumentError, WorkerError.
+    Close the generator to end the workers early. timeout: of one task, seconds; inf for any. Raises
+    InvalidArgumentError, WorkerError.
     """
     sent, assigned = _pickled(job), dict[Worker, _Assignment]()
     # a supervisor that a signal ends at once cannot wait for its workers

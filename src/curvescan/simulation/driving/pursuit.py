@@ -113,11 +113,10 @@ def _towards(wanted: float, now: float, change: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class OdometryNoise:
-    """Noise of wheel odometry: the sampling motion model of Thrun, Burgard and Fox.
+    """Noise of wheel odometry: Thrun, Burgard and Fox, "Probabilistic Robotics", 2005, table 5.6.
 
-    "Probabilistic Robotics", 2005, table 5.6: each step is a turn, a straight drive and a turn; their variances
-    are sums of squares weighted by the four alphas below. As in the book the noise of each step is
-    independent, so that the drift over a given path depends on how often it is sampled.
+    Each step is a turn, a straight drive and a turn, whose variances are sums of squares weighted by the four alphas.
+    The noise of steps is independent, so that the drift over a path depends on how often it is sampled.
     """
 
     turn_from_turn: float = 0.01  # alpha 1: rad^2 of turn per rad^2 turned

@@ -13,7 +13,7 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     remove_dynamic,
     without_dynamic,
 )
-from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, OCCLUDED, compare_readings
+from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, OCCLUDED, compare_readings
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.surfels import X
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
@@ -25,23 +25,19 @@ RULES = CONFIG.information
 
 def assessed(*, n_inliers=20, n_readings=60, **fields):
     """An Assessment whose readings say nothing; one of the fields may be given."""
-    codes, partner = np.zeros(n_readings, dtype=np.uint8), np.full(n_readings, -1)
+    codes = np.zeros(n_readings, dtype=np.uint8)
     whole = {
         "codes_ref": codes,
         "codes_cur": codes,
-        "partner_ref": partner,
-        "partner_cur": partner,
         "n_inliers": n_inliers,
-        "is_static_ref": codes == 0,
-        "is_static_cur": codes == 0,
         "n_dynamic": 0,
         "information": np.array([1e4, 2e4, 3e4]),
-        "spurious": np.zeros(3),
         "axes": np.eye(3),
         "units": np.ones(3),
     }
     known = {**whole, **fields}
-    known["is_open"] = known["information"] < np.maximum(2.0 * known["spurious"], CONFIG.information.max_sigma**-2)
+    spurious = known.pop("spurious", np.zeros(3))
+    known["is_open"] = known["information"] < np.maximum(2.0 * spurious, CONFIG.information.max_sigma**-2)
     return Assessment(**known)
 
 
@@ -49,14 +45,12 @@ def test_a_pose_is_assessed_from_both_scans():
     ref, cur = pair()
     found = assess_pose(ref, cur, MOTION, CONFIG)
     margin = CONFIG.scoring.margin
-    for surfels, image, pose, codes, partner in (
-        (cur.image.surfels, ref.image, MOTION, found.codes_cur, found.partner_cur),
-        (ref.image.surfels, cur.image, cs.se2.inverse(MOTION), found.codes_ref, found.partner_ref),
+    for surfels, image, pose, codes in (
+        (cur.image.surfels, ref.image, MOTION, found.codes_cur),
+        (ref.image.surfels, cur.image, cs.se2.inverse(MOTION), found.codes_ref),
     ):
-        expected_codes, expected_partner = compare_readings(surfels, image, pose, margin)
-        np.testing.assert_array_equal(codes, expected_codes)
-        np.testing.assert_array_equal(partner, expected_partner)
-    assert found.n_inliers == np.count_nonzero(found.partner_cur >= 0) > 150
+        np.testing.assert_array_equal(codes, compare_readings(surfels, image, pose, margin)[0])
+    assert found.n_inliers == np.count_nonzero(found.codes_cur == INLIER) > 150
     assert found.n_dynamic == 0
 
 
@@ -65,7 +59,7 @@ def test_readings_of_surfaces_that_moved_lose_their_partners():
     partner = np.array([0, 4, -1, 7, -1])
     is_static = np.array([True, True, True, False, False])
     assert remove_dynamic(codes, partner, is_static) == 2  # the first reading is a partner, too
-    assert codes.tolist() == [INLIER, INLIER, OCCLUDED, DYNAMIC, OCCLUDED]
+    assert codes.tolist() == [INLIER, INLIER, OCCLUDED, MOVED + DYNAMIC, MOVED + OCCLUDED]
     assert partner.tolist() == [0, 4, -1, -1, -1]
 
 
@@ -138,8 +132,8 @@ def test_what_moved_is_left_out_of_the_pose():
     assert unchanged is found
     # the wall ahead, of both scans, is said to have moved: what is left does not fix x as well
     in_front = {
-        name: features_of.image.surfels[:, X] < 2.0
-        for name, features_of in (("is_static_ref", ref), ("is_static_cur", cur))
+        name: np.where(features_of.image.surfels[:, X] < 2.0, codes, MOVED + codes)
+        for name, features_of, codes in (("codes_ref", ref, found.codes_ref), ("codes_cur", cur, found.codes_cur))
     }
     for changed in ({}, in_front):
         moved = found._replace(n_dynamic=1, **changed)

@@ -1,7 +1,7 @@
 """Bag: the topics and the messages of a ROS bag, read by the library rosbags.
 
-Whatever rosbags raises leaves here as an error of ours in one sentence: on damaged files its parsers raise their own
-errors and nearly every builtin one (assertions, struct errors, those of the decompressors).
+Every error of rosbags becomes one of ours, in one sentence. On damaged files its parsers raise their own errors and
+nearly every builtin one (assertions, struct errors, errors of the decompressors).
 """
 
 import errno

@@ -9,7 +9,7 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.information import covariance, information_matrix, pose_information
-from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, compare_readings, static_segments
+from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, compare_readings, static_segments
 from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, CurvescanConfig, InformationConfig, ScoringConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.objects import Surfaces
@@ -17,11 +17,9 @@ from curvescan.matchers.curvescan.proposal.scoring import FINE, best_beside
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine
 from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
 
+# How far along a weak direction the scans are compared, in what it is known to where it just counts as known.
 _DOUBLED: Floats = np.array([1.0, 2.0, 4])
-"""How far along a weak direction the scans are compared, in what it is known to where it just counts as known."""
-
-_FLAT_SCORE = 0.92
-"""A weak direction is open when the scans agree there by this share of their score."""
+_FLAT_SCORE = 0.92  # a weak direction is open when the scans agree there by this share of their score
 
 
 class Assessment(NamedTuple):
@@ -30,22 +28,14 @@ class Assessment(NamedTuple):
     # codes_ref, codes_cur: (m,), (k,): what each reading is to the other scan; codes of labels.py
     codes_ref: Codes
     codes_cur: Codes
-    # partner_ref, partner_cur: (m,), (k,): reading of the other scan that each agrees with, -1 for none
-    partner_ref: Ints
-    partner_cur: Ints
     n_inliers: int  # readings of the current scan that agree
-    # is_static_ref, is_static_cur: (m,), (k,): which readings are of surfaces that did not move as a whole
-    is_static_ref: Bools
-    is_static_cur: Bools
-    n_dynamic: int  # surfaces that did, of both scans
-    # information, spurious, axes, units: principal directions of the information; see
+    n_dynamic: int  # surfaces that moved as a whole, of both scans
+    # information, axes, units: principal directions of the information; see
     # :func:`curvescan.matchers.curvescan.assessment.information.pose_information`
     information: Floats
-    spurious: Floats
     axes: Floats
     units: Floats
-    # (3,): of which of them the readings say next to nothing, or no more than tilted lines
-    is_open: Bools
+    is_open: Bools  # (3,): of which of them the readings say next to nothing, or no more than tilted lines
 
     @property
     def weakest(self) -> Pose:
@@ -79,11 +69,11 @@ def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, conf
 
 @kernel
 def remove_dynamic(codes: Codes, partner: Ints, is_static: Bools) -> int:
-    """Take the partners of readings of surfaces that moved away, in place; return how many readings have one left."""
+    """Mark readings of surfaces that moved away, and take their partners, in place; return how many have one left."""
     n_left = 0
     for i in range(codes.size):
         if not is_static[i]:
-            codes[i] = DYNAMIC if codes[i] == INLIER else codes[i]
+            codes[i] = MOVED + (DYNAMIC if codes[i] == INLIER else codes[i])
             partner[i] = -1
         elif partner[i] >= 0:
             n_left += 1
@@ -93,7 +83,7 @@ def remove_dynamic(codes: Codes, partner: Ints, is_static: Bools) -> int:
 @kernel
 def assess(
     scan_ref: Surfaces, scan_cur: Surfaces, pose: Floats, limits: tuple[float, float, float, float]
-) -> tuple[Codes, Codes, Ints, Ints, int, Bools, Bools, int, Floats, Floats, Floats, Floats, Bools]:
+) -> tuple[Codes, Codes, int, int, Floats, Floats, Floats, Bools]:
     """Return the fields of an Assessment, in their order.
 
     limits: margin as in ScoringConfig, standard deviations and metres of the mean by which a surface has moved, and
@@ -119,22 +109,7 @@ def assess(
     is_open = np.empty(3, dtype=np.bool_)
     for k in range(3):
         is_open[k] = information[k] < max(2.0 * spurious[k], least_information)
-    n_dynamic = n_dynamic_cur + n_dynamic_ref
-    return (
-        codes_ref,
-        codes_cur,
-        partner_ref,
-        partner_cur,
-        n_inliers,
-        is_static_ref,
-        is_static_cur,
-        n_dynamic,
-        information,
-        spurious,
-        axes,
-        units,
-        is_open,
-    )
+    return codes_ref, codes_cur, n_inliers, n_dynamic_cur + n_dynamic_ref, information, axes, units, is_open
 
 
 def degenerate_directions(
@@ -161,7 +136,7 @@ def without_dynamic(
     """Return the poses, the first refined without the surfaces that moved, and its assessment."""
     if not assessment.n_dynamic:
         return poses, assessment
-    static_ref = ref.image._replace(samples=ref.image.surfels[assessment.is_static_ref])
-    static_cur = cur.image._replace(samples=cur.image.surfels[assessment.is_static_cur])
+    static_ref = ref.image._replace(samples=ref.image.surfels[assessment.codes_ref < MOVED])
+    static_cur = cur.image._replace(samples=cur.image.surfels[assessment.codes_cur < MOVED])
     pose = refine(poses[:1], static_ref, static_cur, EXACTLY)
     return np.concatenate((pose, poses[1:])), assess_pose(ref, cur, pose[0], config)

@@ -29,16 +29,16 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     WEAKEST,
     gather_evidence,
 )
+from curvescan.matchers.curvescan.config import NEAR
 from curvescan.matchers.curvescan.features.objects import Surfaces
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.types import Bools, Floats
 
+# Metres of surface that are more than chance: a room is bare where less agrees beyond its four walls; people, who hide
+# things and agree by chance, are about where small things of more contradict a pose.
 ANY = 0.2
-"""Metres of surface that are more than chance: a room is bare where less agrees beyond its four walls; people, who hide
-things and agree by chance, are about where small things of more contradict a pose."""
-
+# Least share of what supports a pose that another explains for a guess to decide between the two.
 GUESSED_REPETITION = 0.3
-"""Least share of what supports a pose that another explains for a guess to decide between the two."""
 
 COEFFICIENTS = {
     "constant": -1.15,
@@ -71,8 +71,8 @@ _FREE_MOTION, _MAX_MOTION = (1.0, 4.0)  # metres plus radians: less is as likely
 _MOTION_OF_RANK = 0.2  # share of what a motion weighs where poses are sorted
 _ENOUGH_EXCESS = 2.0  # metres of excess from which on a pose rests on more than two walls
 _MAX_NEARER = 1.0  # metres plus radians by which a rival nearer to the guess is favoured, at most
-_NEAR_GUESS = 0.3  # metres plus radians: a pose within it is where the guess has it
 _FLOOR = 0.1  # metres, and mean square: what is added before a logarithm is taken
+# Rows of a pose's terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice.
 _COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE)
 _LEAST = (_FLOOR, _FLOOR, _FLOOR, _FLOOR, 0.5 * _FLOOR, _FLOOR, 2.0 * _FLOOR)
 _ROW = {name: k for k, name in enumerate(COEFFICIENTS)}
@@ -83,8 +83,6 @@ _DEGENERATE, _FEW_MOTION = _ROW["degenerate"], _ROW["few_motion"]
 _CONSTANT, _GUESSED = _ROW["constant"], _ROW["guessed"]
 _FEW, _FEW_SEEN_THROUGH = _ROW["few"], _ROW["few_seen_through"]
 _COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", "motion"))
-"""Rows of a pose's terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice."""
-
 _STAND_STILL = np.zeros(3)
 _EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
 _DOUBTFUL = 0.1  # of what agrees: a pose contradicted beyond that rules out none that explains more
@@ -282,7 +280,7 @@ def weigh_poses(
 def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
     """Return poses with their evidence, the most likely first."""
     ref, cur, guess, config = problem
-    around, near = (_STAND_STILL, 0.0) if guess is None else (guess, _NEAR_GUESS)
+    around, near = (_STAND_STILL, 0.0) if guess is None else (guess, NEAR)
     found = weigh_poses(ref.surfaces, cur.surfaces, poses, around, near, config.scoring.margin)
     weighed = WeighedPoses(poses, scores, *found)
     order = sorted(range(len(poses)), key=weighed.rank) if len(poses) > 1 else [0]

@@ -24,23 +24,22 @@ from curvescan.matchers.curvescan.association import (
     turned,
     turned_back,
 )
+from curvescan.matchers.curvescan.config import PARALLEL
 from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE, Surfaces
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
 
+# Columns of an evidence. Metres of surface, the mean of both scans: that agrees; of that besides the two walls, not
+# parallel, that agree most; that agrees and fixes the direction fixed least; MISFIT has no unit: mean squared distance
+# of readings that agree over their variance; parallel to the other scan's surface and beside it; seen through, and no
+# small thing; seen through, in runs longer than 0.5 m; seen through, and small things; that agrees besides those two
+# walls and the two that face them, which are all of a bare room.
 AGREEING, EXCESS, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE, SMALL, BEYOND = range(9)
-"""Columns of an evidence. Metres of surface, the mean of both scans: that agrees; of that besides the two walls, not
-parallel, that agree most; that agrees and fixes the direction fixed least; MISFIT has no unit: mean squared distance of
-readings that agree over their variance; parallel to the other scan's surface and beside it; seen through, and no small
-thing; seen through, in runs longer than 0.5 m; seen through, and small things; that agrees besides those two walls and
-the two that face them, which are all of a bare room."""
-
 N_EVIDENCE = BEYOND + 1
 
 _CLEAR = 2  # readings beside a person on a wall whose lines the person may have tilted
 _LARGE_EXTENT = 0.5  # metres: extent of a surface that is no person's
 _BESIDE = 0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
-_PARALLEL = 0.9  # cosine
 
 
 @kernel
@@ -105,7 +104,7 @@ def is_parallel(surfels: Floats, i: int, motion: Motion, surfels_other: Floats, 
     """Return whether a reading, moved, faces as one of the other scan does."""
     nx, ny = surfels[i, NX], surfels[i, NY]
     x, y = turned(nx, ny, motion) if motion.way > 0.0 else turned_back(nx, ny, motion)
-    return bool(x * surfels_other[j, NX] + y * surfels_other[j, NY] > _PARALLEL)
+    return bool(x * surfels_other[j, NX] + y * surfels_other[j, NY] > PARALLEL)
 
 
 @kernel

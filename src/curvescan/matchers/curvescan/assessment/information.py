@@ -23,21 +23,18 @@ from curvescan.types import Bools, Floats, Ints
 
 Row: TypeAlias = tuple[float, float, float]
 
+# Columns of the sums: the triangles of the information and of its spurious part, from tilt; the normalised squared
+# residuals, how many there are, the squared distances of the readings from the current sensor.
 INFORMATION, SPURIOUS = 0, N_TRIANGLE
 CHI2, COUNT, LEVER2 = range(2 * N_TRIANGLE, 2 * N_TRIANGLE + 3)
-"""Columns of the sums: the triangles of the information and of its spurious part, from tilt; the normalised squared
-residuals, how many there are, the squared distances of the readings from the current sensor."""
-
 _N_COLUMNS = LEVER2 + 1
 
 _HOLDS = 0.5  # least share of the information in the least informed direction of an object that may hold it alone
 
+# Free-standing things of a scan that may move together, as people do: more of them do not keep pace by chance.
 _MAX_THINGS = 6
-"""Free-standing things of a scan that may move together, as people do: more of them do not keep pace by chance."""
-
+# Share of the variance of a reading that the line through it holds: OWN_SHARE of its noise, and the rest of a mean.
 _LINE_NOISE = 0.3
-"""Share of the variance of a reading that the line through it holds: OWN_SHARE of its noise, and the rest of a mean."""
-
 _LEAST_LEVER = 1e-3  # metres, so that nothing is divided by zero
 _N_SWEEPS = 8  # of Jacobi rotations: four reach rounding, the rest is for matrices of any scale
 _SAGITTA2 = 0.5 * 0.5  # square of the half that a sagitta is of the arc's length times its turn

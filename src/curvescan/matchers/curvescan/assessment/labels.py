@@ -22,18 +22,16 @@ from curvescan.matchers.curvescan.features.surfels import RANGE, VARIANCE
 from curvescan.matchers.result import Label
 from curvescan.types import Bools, Codes, Floats, Ints
 
-OCCLUDED, INLIER, DYNAMIC = 0, 1, 2
-"""Out of the other scan's sight; where the other scan saw the same surface; where the other scan saw through."""
-
+# Out of the other scan's sight; where the other scan saw the same surface; where the other scan saw through; what is
+# added where all of a surface moved.
+OCCLUDED, INLIER, DYNAMIC, MOVED = 0, 1, 2, 4
+# Metres, besides twice what may lie apart, by which a reading stands before the other scan's surface to be another
+# thing. A reading without a line agrees so far across: of a thing as small as that the far side may be seen.
 IN_FRONT = 0.05
-"""Metres, besides twice what may lie apart, by which a reading stands before the other scan's surface to be another
-thing. A reading without a line agrees so far across: of a thing as small as that the far side may be seen."""
-
 _LABELS = (int(Label.NEW), int(Label.MATCHED), int(Label.DYNAMIC))  # of each code
 _UNMATCHED = int(Label.UNMATCHED)
 
-_MIN_PARTNERS = 4
-"""Readings of a segment from which on its mean says whether it moved."""
+_MIN_PARTNERS = 4  # readings of a segment from which on its mean says whether it moved
 
 
 @kernel
@@ -74,11 +72,13 @@ def compare_readings(surfels: Floats, other: RangeImage, pose: Floats, margin: f
 
 
 @kernel
-def beam_labels(n_beams: int, beam_idx: Ints, codes: Codes) -> Codes:
-    """Return (n_beams,) a Label for each beam, of the (m,) codes of the readings, if there are any."""
-    labels = np.zeros(n_beams, dtype=np.uint8)
-    for i in range(beam_idx.size):
-        labels[beam_idx[i]] = _LABELS[codes[i]] if codes.size else _UNMATCHED
+def beam_labels(n_ref: int, idx_ref: Ints, codes_ref: Codes, n_cur: int, idx_cur: Ints, codes_cur: Codes) -> Codes:
+    """Return (n_ref + n_cur,) a Label for each beam of two scans, of the codes of their readings, if there are any."""
+    labels = np.zeros(n_ref + n_cur, dtype=np.uint8)
+    for i in range(idx_ref.size):
+        labels[idx_ref[i]] = _LABELS[codes_ref[i] % MOVED] if codes_ref.size else _UNMATCHED
+    for i in range(idx_cur.size):
+        labels[n_ref + idx_cur[i]] = _LABELS[codes_cur[i] % MOVED] if codes_cur.size else _UNMATCHED
     return labels
 
 

@@ -8,22 +8,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
+from curvescan.matchers.curvescan.config import NEAR, SAME
 from curvescan.matchers.curvescan.pose_difference import difference
 from curvescan.types import Floats
 
+# Least share of what supports a pose that another explains at which the two cannot be distinguished.
 MAX_REPETITION = 0.45
-"""Least share of what supports a pose that another explains at which the two cannot be distinguished."""
-
-_REGULAR = 0.33
-"""The same of two poses as far from it to either side, as in a row of equal things."""
-
-_PITCH, _MIRRORED = 0.5, 0.3
-"""Metres: least distance of the things in a row, and by how much the two may differ."""
-
-_SAME_TURN = 0.1
-"""Radians: two poses that differ by less are turned alike."""
-
-_MAX_LOG_ODDS = 60.0  # beyond it a probability is 0 or 1
+_REGULAR = 0.33  # the same of two poses as far from it to either side, as in a row of equal things
+_PITCH = 0.5  # least distance of the things in a row, metres
+_MAX_LOG_ODDS = 60  # beyond it a probability is 0 or 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,8 +74,8 @@ def regular_rows(poses: Floats, repetitions: dict[int, float]) -> tuple[int, ...
     offsets = {k: difference(poses[k], poses[0]) for k in rows}
     for i, j in itertools.combinations(rows, 2):
         (x, y, turn), (x_other, y_other, turn_other) = offsets[i], offsets[j]
-        is_alike = max(abs(turn), abs(turn_other)) < _SAME_TURN
-        is_mirrored = math.hypot(x + x_other, y + y_other) < _MIRRORED
+        is_alike = max(abs(turn), abs(turn_other)) < SAME
+        is_mirrored = math.hypot(x + x_other, y + y_other) < NEAR
         if is_alike and is_mirrored and math.hypot(x, y) > _PITCH:
             found += [i, j]
     return tuple(found)

@@ -9,16 +9,16 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.labels import INLIER
+from curvescan.matchers.curvescan.config import ARM
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY
 from curvescan.types import Bools, Codes, Floats, Ints
 
 _ACROSS = 0.88  # cosine of the angle, 28 degrees, from which on two walls do not run alike
 _ALIKE = 0.98  # cosine of the angle, 11 degrees, within which a reading faces as its wall does, or against another
-_WALL = 0.12  # metres from its line within which a reading is of a wall
 _N_TAKEN = 48  # readings that stand for all
 _N_SEEDS = 16  # of these the ones through which walls are looked for
+# Rows of the readings taken: normal, centre and length of each.
 LINE_NX, LINE_NY, LINE_CX, LINE_CY, LINE_LENGTH = range(5)
-"""Rows of the readings taken: normal, centre and length of each."""
 _LINE_COLUMNS = (NX, NY, CX, CY, LENGTH)
 _N_LINE = len(_LINE_COLUMNS)
 
@@ -70,7 +70,7 @@ def readings_on_walls(lines: Floats, count: int) -> Bools:
         for k in range(count):
             is_alike = nx * lines[LINE_NX, k] + ny * lines[LINE_NY, k] >= _ALIKE
             off = nx * (lines[LINE_CX, k] - cx) + ny * (lines[LINE_CY, k] - cy)
-            on_wall[seed, k] = is_alike & (abs(off) < _WALL)
+            on_wall[seed, k] = is_alike & (abs(off) < ARM)
     return on_wall
 
 

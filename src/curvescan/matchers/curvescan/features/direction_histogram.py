@@ -11,9 +11,8 @@ from curvescan.matchers.curvescan.features.range_image import bearing
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
 from curvescan.types import Floats
 
+# Bins of the histogram: of 3 degrees, which smoothing and a parabola through the best shift make finer.
 N_DIRECTIONS = 120
-"""Bins of the histogram: of 3 degrees, which smoothing and a parabola through the best shift make finer."""
-
 _LEAST_NORM2 = 1e-12  # square metres, so that a scan without surfaces is not divided by zero
 
 

@@ -17,17 +17,13 @@ from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
 from curvescan.matchers.curvescan.features.surfels import fit_lines, fit_surfels
 from curvescan.scan import LaserScan
-from curvescan.types import Floats, Ints
+from curvescan.types import Bools, Floats, Ints
 
-_N_WIDE = 192
-"""Readings of each scan where poses that are nearly as good as each other are compared."""
-
-_NOISY = 0.02
-"""Range noise, metres, from which on segments and lines are found anew with it."""
-
+_N_WIDE = 192  # readings of each scan where poses that are nearly as good as each other are compared
+_NOISY = 0.02  # range noise, metres, from which on segments and lines are found anew with it
+# Growth of `jump` for each metre of range noise above that; power of the noise with which `arm` grows: from two thirds
+# on the directions of lines are known as well as with less noise.
 _JUMP_GROWTH, _ARM_GROWTH = 8.0, 0.9
-"""Growth of `jump` for each metre of range noise above that; power of the noise with which `arm` grows: from two thirds
-on the directions of lines are known as well as with less noise."""
 
 
 class CurvescanFeatures(NamedTuple):
@@ -66,7 +62,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
     segments, keypoints = config.segments, config.keypoints
     angles = scan.angles[:0] if is_even else scan.angles
     n_slots = 0 if not is_even else max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
-    beam_idx, bounds, surfels, sigma, corners, few, more, objects, directions, table = extract(
+    beam_idx, bounds, surfels, sigma, corners, few, more, label, is_free, is_small, directions, table = extract(
         Sweep(scan.ranges, scan.directions, scan.valid, angles, step, is_clockwise, is_closed),
         (segments.incidence_limit, segments.jump, segments.arm, segments.range_sigma_min),
         keypoints.arm_lengths,
@@ -84,7 +80,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
         n_beams=n,
         beam_idx=beam_idx,
         bounds=bounds,
-        objects=objects,
+        objects=Objects(label, is_free, is_small),
         image=RangeImage(few, surfels, azimuth, table),
         wide_image=RangeImage(more, surfels, azimuth, table),
         full_image=RangeImage(surfels, surfels, azimuth, table),
@@ -100,7 +96,7 @@ def extract(
     arms: Floats,
     min_turn: float,
     counts: tuple[int, int, int],
-) -> tuple[Ints, Ints, Floats, float, Floats, Floats, Floats, Objects, Floats, Ints]:
+) -> tuple[Ints, Ints, Floats, float, Floats, Floats, Floats, Ints, Bools, Bools, Floats, Ints]:
     """Return beams, bounds, surfels, range noise, keypoints, samples, more samples, objects, directions and azimuths.
 
     What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
@@ -124,5 +120,5 @@ def extract(
     samples, wide = choose_samples(surfels, n_samples), choose_samples(surfels, _N_WIDE)
     table = azimuth_table(beam_idx, sweep.ranges.size, n_slots, sweep.is_clockwise, sweep.is_closed)
     label, is_free, is_small = find_objects(surfels, bounds)
-    objects = Objects(label, is_free, is_small)
-    return beam_idx, bounds, surfels, sigma, keypoints, samples, wide, objects, direction_histogram(surfels), table
+    directions = direction_histogram(surfels)
+    return beam_idx, bounds, surfels, sigma, keypoints, samples, wide, label, is_free, is_small, directions, table

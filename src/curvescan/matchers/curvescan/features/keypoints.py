@@ -17,30 +17,19 @@ from curvescan.matchers.curvescan.config import SURE_SIGMAS
 from curvescan.matchers.curvescan.features.surfels import RANGE, SUM_X, SUM_Y, X, Y, fit_line
 from curvescan.types import Floats, Ints
 
+# Columns of a frame: position, direction of its frame, angle by which the surface turns there, kind.
 FX, FY, DIRECTION, TURN, KIND = range(5)
-"""Columns of a frame: position, direction of its frame, angle by which the surface turns there, kind."""
-
-BEGIN, END = 10, 20
-"""Kinds of the first and last reading of a surface; a corner's kind is the number of its arm."""
-
-_MIN_READINGS = 5
-"""Readings of a surface that has corners: two arms of two, and one between them."""
-
+BEGIN, END = 10, 20  # kinds of the first and last reading of a surface; a corner's kind is the number of its arm
+_MIN_READINGS = 5  # readings of a surface that has corners: two arms of two, and one between them
+# Square of the share of an arm that its last reading must reach, 0.7: what is shorter is another arm's.
 _ARM_REACHED2 = 0.49
-"""Square of the share of an arm that its last reading must reach, 0.7: what is shorter is another arm's."""
-
+# Square of how far from its reading, in arms, two lines may meet for a corner to be taken there: half an arm.
 _MEETING2 = 0.5 * 0.5
-"""Square of how far from its reading, in arms, two lines may meet for a corner to be taken there: half an arm."""
-
+# Variance of the tilt of a line through n readings, evenly spaced: 12 / n times that of a reading, for arms of one
+# metre.
 _TILT2 = 12
-"""Variance of the tilt of a line through n readings, evenly spaced: 12 / n times that of a reading, for arms of one
-metre."""
-
-_END_REACHED2 = 0.36
-"""Square of the share of its arm, 0.6, that the line to an end of a surface must have."""
-
-_GRAZED = 0.2
-"""Sine of the angle of incidence, 12 degrees, below which the place of an end depends on where one stands."""
+_END_REACHED2 = 0.36  # square of the share of its arm, 0.6, that the line to an end of a surface must have
+_GRAZED = 0.2  # sine of the angle of incidence, 12 degrees, below which the place of an end depends on where one stands
 
 
 @kernel

@@ -14,7 +14,7 @@ from curvescan.types import Bools, Floats, Ints
 PERSON_EXTENT = 0.6  # metres: no person shows more
 _OBJECT_EXTENT = 1.0  # metres: what is longer is a wall, and stays
 _STANDS_FREE = 0.3  # metres: by so much at least are the surfaces on both sides of a free-standing thing farther away
-STANDS_BEFORE = 0.1  # metres: by so much at least a small thing stands before what is beside it
+STANDS_BEFORE = 0.1  # metres: by so much at least one thing stands before another
 _OPEN = 1.0  # metres: nothing is seen beside the first and the last surface
 
 

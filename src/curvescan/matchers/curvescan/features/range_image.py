@@ -22,18 +22,14 @@ class RangeImage(NamedTuple):
     table: Ints  # (n_slots,): reading in each direction, see :func:`azimuth_table`
 
 
-AZIMUTH_MIN, SLOTS_A_RADIAN, SIGMA, SLOTS_A_BEAM = range(4)
-"""Columns of `azimuth`."""
-
+AZIMUTH_MIN, SLOTS_A_RADIAN, SIGMA, SLOTS_A_BEAM = range(4)  # columns of `azimuth`
+# Slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step.
 _SLOTS_A_STEP = 4
-"""Slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step."""
-
 _MAX_SLOTS = 1 << 16
 
+# Median steps from the nearest beam from which on a direction is a hole: half a step and as much jitter as there may
+# be.
 _GAP_STEPS = 1.5
-"""Median steps from the nearest beam from which on a direction is a hole: half a step and as much jitter as there may
-be."""
-
 _ONE_TURN = 1e-9  # radians: rounding of a beam that stands a full turn after the first
 
 _TINY = 1e-300  # so that the origin is not divided by zero

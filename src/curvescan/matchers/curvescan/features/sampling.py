@@ -10,8 +10,8 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.features.surfels import LENGTH, N_COLUMNS
 from curvescan.types import Floats
 
+# Share of a circle by which steps around it spread most evenly, however many there are.
 _GOLDEN_SECTION = 0.5 * (math.sqrt(5) - 1.0)
-"""Share of a circle by which steps around it spread most evenly, however many there are."""
 
 
 @kernel

@@ -17,28 +17,17 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.config import LASER_ERROR
 from curvescan.types import Bools, Floats, Ints, Points
 
-MAX_GAP = 2
-"""A run of at most this many missing readings does not end a surface by itself."""
-
+MAX_GAP = 2  # a run of at most this many missing readings does not end a surface by itself
+# Square of the longest gap that is bridged, square metres: over longer ones a wall is not distinguishable from chance.
 _MAX_BRIDGED2 = 1.0
-"""Square of the longest gap that is bridged, square metres: over longer ones a wall is not distinguishable from
-chance."""
-
-_LEAST_INCIDENCE2 = 0.0016
-"""Square of the least angle at which a wall is seen, 0.04 rad."""
-
+_LEAST_INCIDENCE2 = 0.0016  # square of the least angle at which a wall is seen, 0.04 rad
+# Squares of how far off the third reading lies, 0.4 and 2.5 of the gap: about as far as the two beside it.
 _LEAST_SHARE2 = 0.16
 _MOST_SHARE2 = 1.0 / _LEAST_SHARE2
-"""Squares of how far off the third reading lies, 0.4 and 2.5 of the gap: about as far as the two beside it."""
-
+# Square of how far the middle reading lies from the line through the other two, (0.01 m)^2.
 _OFF_LINE2 = LASER_ERROR * LASER_ERROR
-"""Square of how far the middle reading lies from the line through the other two, (0.01 m)^2."""
-
-_NEAR_LIMIT = 0.9
-"""Share of the incidence limit from which on a beam's turn leaves no angle to divide by."""
-
-_WIDEST = 10.0
-"""Gap of a beam's turn beyond it, in ranges times the sine of the turn."""
+_NEAR_LIMIT = 0.9  # share of the incidence limit from which on a beam's turn leaves no angle to divide by
+_WIDEST = 10.0  # gap of a beam's turn beyond it, in ranges times the sine of the turn
 
 
 class Sweep(NamedTuple):

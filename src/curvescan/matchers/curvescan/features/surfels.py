@@ -15,55 +15,40 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.config import LIKELY_SIGMAS
 from curvescan.types import Floats, Ints
 
+# Columns of a surfel: the reading (x, y, range), a point (cx, cy) and the unit normal (nx, ny) of the line through it,
+# facing the sensor, the variance of the reading across the line and of the line's direction, and the length of surface
+# that it stands for. Without a line the variance is negative and the length 0.
 X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT, LENGTH, SPACING = range(11)
-"""Columns of a surfel: the reading (x, y, range), a point (cx, cy) and the unit normal (nx, ny) of the line
-through it, facing the sensor, the variance of the reading across the line and of the line's direction, and the length
-of surface that it stands for. Without a line the variance is negative and the length 0."""
-
 N_COLUMNS = SPACING + 1
 
-SUM_X, SUM_Y, SUM_XX, SUM_XY, SUM_YY = range(5)
-"""Columns of the running sums of `moments`."""
-
+SUM_X, SUM_Y, SUM_XX, SUM_XY, SUM_YY = range(5)  # columns of the running sums of `moments`
+# Columns of the line fitted around a reading: its centre and unit direction, mean squared distance of its readings from
+# it, sum of squares along it, first and last reading.
 FIT_X, FIT_Y, FIT_UX, FIT_UY, FIT_VARIANCE, FIT_ALONG, FIT_LOW, FIT_HIGH = range(8)
-"""Columns of the line fitted around a reading: its centre and unit direction, mean squared distance of its readings
-from it, sum of squares along it, first and last reading."""
-
+# The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
+# two readings, none of it lose what the surface does within an arm.
 OWN_SHARE = 0.4
-"""The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
-two readings, none of it lose what the surface does within an arm."""
-
+# Two fifths of the variances of n residuals about a line lie below the true one over this: the chi-square quantile by
+# Wilson and Hilferty.
 _SPREAD = 2.0 / (9 * np.maximum(np.arange(65) - 2, 3))
 _RAISED = 1.0 / (1.0 - _SPREAD - 0.2533 * np.sqrt(_SPREAD)) ** 3
-"""Two fifths of the variances of n residuals about a line lie below the true one over this: the chi-square quantile by
-Wilson and Hilferty."""
 
 
+# Least square of the cosine of incidence by which a line's noise is taken for the range's: grazed walls say little.
 _MIN_FACING2 = 0.05
-"""Least square of the cosine of incidence by which a line's noise is taken for the range's: grazed walls say little."""
-
-_QUANTILE = 0.4
-"""Share of the variances that lie below the noise: clutter raises many of the others."""
-
+# Multiple of the variance that noise explains from which on a line goes around a corner, and a better one is looked
+# for.
 _BENT = 1.5
-"""Multiple of the variance that noise explains from which on a line goes around a corner, and a better one is looked
-for."""
-
+# A line is better when its variance is less by this factor: of two that are as good the reading's own is kept.
 _BETTER = 1.3
-"""A line is better when its variance is less by this factor: of two that are as good the reading's own is kept."""
-
-_MIN_INCIDENCE = 0.1
-"""Least cosine of incidence that surfels are taken to have: a grazed wall is rough."""
-
+_MIN_INCIDENCE = 0.1  # least cosine of incidence that surfels are taken to have: a grazed wall is rough
 _MIN_INCIDENCE2 = _MIN_INCIDENCE * _MIN_INCIDENCE
 
+# Multiple of the variance that noise explains beyond which the rest is the surface's: below it it may be chance.
 _ROUGH = LIKELY_SIGMAS * LIKELY_SIGMAS
-"""Multiple of the variance that noise explains beyond which the rest is the surface's: below it it may be chance."""
-
 _LEAST_ALONG = 1e-12  # square metres: readings in one place have no line
 
-_MIN_LENGTH, _MAX_LENGTH = 0.03, 0.3
-"""Length of surface that a reading stands for, metres, at least and at most."""
+_MIN_LENGTH, _MAX_LENGTH = 0.03, 0.3  # length of surface that a reading stands for, metres, at least and at most
 
 
 @kernel
@@ -171,7 +156,7 @@ def low_quantile(variances: Floats) -> float:
     while k < n_bins - 1 and 5 * (count + histogram[k]) < 2 * variances.size:
         count += histogram[k]
         k += 1
-    inside = (_QUANTILE * variances.size - count) / max(histogram[k], 1)
+    inside = (2 / 5 * variances.size - count) / max(histogram[k], 1)
     return 2.0 ** (k // 4 - 27) * (1.0 + (k % 4 + inside) / 4) if variances.size else 0.0
 
 

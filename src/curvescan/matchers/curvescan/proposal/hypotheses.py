@@ -12,13 +12,11 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.features.keypoints import DIRECTION, FX, FY, KIND, TURN
+from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_at
 from curvescan.matchers.curvescan.features.surfels import RANGE
 from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
-
-_BEHIND = 0.1
-"""Metres that a sensor may stand behind what the other saw: noise, and the error of a pose from two corners."""
 
 
 @kernel
@@ -58,9 +56,9 @@ def pair_keypoints(
             c, s = math.cos(theta), math.sin(theta)
             tx = keypoints_ref[j, FX] - c * x + s * y
             ty = keypoints_ref[j, FY] - s * x - c * y
-            if not is_in_sight(tx, ty, ref, _BEHIND):
+            if not is_in_sight(tx, ty, ref, STANDS_BEFORE):
                 continue
-            if not is_in_sight(-c * tx - s * ty, s * tx - c * ty, cur, _BEHIND):
+            if not is_in_sight(-c * tx - s * ty, s * tx - c * ty, cur, STANDS_BEFORE):
                 continue
             poses[n, 0], poses[n, 1], poses[n, 2] = tx, ty, theta
             n += 1

@@ -13,7 +13,7 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD, motion_of
-from curvescan.matchers.curvescan.config import QUICK_SIGMAS
+from curvescan.matchers.curvescan.config import PARALLEL, QUICK_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage, bearing
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY
 from curvescan.matchers.curvescan.normal_equations import N_SUMS, XX, XY, YY
@@ -22,10 +22,9 @@ from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
 
 _RIGHT_ANGLES = 4  # directions a right angle apart are one axis
-_FACING = 0.9  # cosine of the most that a wall may face away from an axis, 26 degrees
 
+# Metres by which a residual may be wrong after a quick refinement, when the degenerate direction is looked for.
 _SIGMA = QUICK_SIGMAS[-1]
-"""Metres by which a residual may be wrong after a quick refinement, when the degenerate direction is looked for."""
 
 
 @kernel
@@ -90,13 +89,13 @@ def wall_offsets(
     ux, uy = math.cos(axis), math.sin(axis)
     for i in range(cur.shape[0]):
         facing = ux * (c * cur[i, NX] - s * cur[i, NY]) + uy * (s * cur[i, NX] + c * cur[i, NY])
-        if abs(facing) < _FACING:
+        if abs(facing) < PARALLEL:
             continue
         qx = c * cur[i, CX] - s * cur[i, CY] + pose[0]
         qy = s * cur[i, CX] + c * cur[i, CY] + pose[1]
         for j in range(ref.shape[0]):
             other = ux * ref[j, NX] + uy * ref[j, NY]
-            if other * facing <= 0.0 or abs(other) < _FACING:
+            if other * facing <= 0.0 or abs(other) < PARALLEL:
                 continue
             apart = (ref[j, NX] * (ref[j, CX] - qx) + ref[j, NY] * (ref[j, CY] - qy)) / other
             k = math.floor(apart / bin_width + 0.5) + half + 1

@@ -18,22 +18,17 @@ from curvescan.matchers.curvescan.features.range_image import RangeImage, readin
 from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, SPACING, VARIANCE, X, Y
 from curvescan.types import Floats
 
+# Share of the spacing of two readings on a surface by which a point of it may lie from the nearest one: half, and some
+# more where the surface is not straight.
 ALONG = 0.6
-"""Share of the spacing of two readings on a surface by which a point of it may lie from the nearest one: half, and some
-more where the surface is not straight."""
-
+# Tolerances of a pose not yet refined, moved along a corridor, quickly refined, and to be judged: metres, and metres
+# for each metre of range.
 ROUGH, MOVED_ALONG, CLOSE, FINE = (0.08, 0.03), (0.06, 0.01), (0.04, 0.005), (0.03, 0.004)
-"""Tolerances of a pose not yet refined, moved along a corridor, quickly refined, and to be judged: metres, and metres
-for each metre of range."""
-
+# Square of how far along a surface a point may lie from the nearest reading, besides, in limits across it.
 _REACH2 = SURE_SIGMAS * SURE_SIGMAS
-"""Square of how far along a surface a point may lie from the nearest reading, besides, in limits across it."""
-
+# What is uncertain of a score of one sample; of n it is this over their root. A sample counts from -0.5 to 1.
 _PROSPECT = 0.6
-"""What is uncertain of a score of one sample; of n it is this over their root. A sample counts from -0.5 to 1."""
-
-_MAX_ALIKE = 4
-"""Poses near one that is kept that are tried in its place: more of them hardly score better."""
+_MAX_ALIKE = 4  # poses near one that is kept that are tried in its place: more of them hardly score better
 
 
 @kernel

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.config import NEAR, SAME, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.pose_difference import distance
@@ -21,25 +21,14 @@ from curvescan.matchers.curvescan.proposal.scoring import CLOSE, MOVED_ALONG, RO
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.types import Floats, Pose
 
-_MAX_PAIRS = 4000
-"""Pairs of keypoints taken, at most."""
-
+_MAX_PAIRS = 4000  # pairs of keypoints taken, at most
+# Where no pose finds support, places up to so many metres along each axis are tried at which walls coincide within so
+# many metres, and so many an axis.
 _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED = 2.0, 0.1, 3
-"""Where no pose finds support, places up to so many metres along each axis are tried at which walls coincide within so
-many metres, and so many an axis."""
-
-_N_KEPT = 4
-"""Poses that are refined."""
-
-CONTESTED = 0.3
-"""A pose with this share of the best one's score competes with it, and is judged beside it."""
-
-_FEW_TRIED, _CERTAIN_SCORE = 24, 0.55
-"""With fewer poses than this to try, other ways are tried up to the next score."""
-
+_N_KEPT = 4  # poses that are refined
+CONTESTED = 0.3  # a pose with this share of the best one's score competes with it, and is judged beside it
+_FEW_TRIED, _CERTAIN_SCORE = 24, 0.55  # with fewer poses than this to try, other ways are tried up to the next score
 _NO_POSES = np.empty((0, 3))
-_OTHER = 0.3  # metres, and half of it in radians: candidates nearer to one another are one, and the better is kept
-_SAME = 0.1  # metres, radians times 2 m: two candidates within it are one
 
 
 class Problem(NamedTuple):
@@ -104,7 +93,7 @@ def propose(problem: Problem) -> Candidates:
     if is_trusted(ref, cur, guess, near, config):
         return near
     found = search(ref, cur, guess, config)
-    if not len(near.scores) or any(distance(near.poses[0], pose) < _SAME for pose in found.poses):
+    if not len(near.scores) or any(distance(near.poses[0], pose) < SAME for pose in found.poses):
         return found
     return Candidates(
         poses=np.concatenate((found.poses, near.poses)),
@@ -117,7 +106,7 @@ def refine_guess(ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose, co
     """Return the guess refined, or nothing where no reading agrees."""
     images = (ref.image, cur.image)
     near = refine(guess[np.newaxis], *images, config.refinement.quick_schedule)
-    near, scores = select(near, *images, *CLOSE, 1, 64, _OTHER)
+    near, scores = select(near, *images, *CLOSE, 1, 64, NEAR)
     return Candidates(poses=near, scores=scores, n_tried=1)
 
 
@@ -207,13 +196,13 @@ def explore(poses: Floats, ref: RangeImage, cur: RangeImage, effort: Effort) -> 
     """
     rough, rough_slope, moved, moved_slope, close, close_slope = effort.tolerances
     n_kept, n_first = effort.n_kept, effort.n_first
-    chosen, _ = select(poses, ref, cur, rough, rough_slope, n_kept[0], n_first[0], _OTHER)
+    chosen, _ = select(poses, ref, cur, rough, rough_slope, n_kept[0], n_first[0], NEAR)
     quick = refine(chosen, ref, cur, effort.sigmas)
     moved_along = degenerate_hypotheses(quick[:2], ref, cur, effort.along_step, effort.n_along, effort.degenerate_ratio)
     if moved_along.shape[0] > 0:
-        chosen, _ = select(stack(quick, moved_along), ref, cur, moved, moved_slope, n_kept[1], n_first[1], _OTHER)
+        chosen, _ = select(stack(quick, moved_along), ref, cur, moved, moved_slope, n_kept[1], n_first[1], NEAR)
         quick = refine(chosen, ref, cur, effort.sigmas)
-    return select(quick, ref, cur, close, close_slope, n_kept[2], n_first[2], _OTHER)
+    return select(quick, ref, cur, close, close_slope, n_kept[2], n_first[2], NEAR)
 
 
 def _is_expected(found: Candidates, guess: Pose | None, config: CurvescanConfig) -> bool:
