@@ -43,7 +43,7 @@ class SourceFlags:
     speed: float = 1.0
     """Speed of a replay or the simulation: 1 as recorded, 10 ten times as fast, 0 as fast as it goes."""
     scans: int | None = None
-    """End after so many scans of the simulated robot."""
+    """Number of scans after which the simulated robot stops."""
     people: int = 3
     """How many people walk around the simulated robot."""
     seed: int = 0
@@ -103,11 +103,11 @@ class PageFlags:
     """Where a run is shown."""
 
     host: str = "127.0.0.1"
-    """Address that the page is served at; 0.0.0.0 lets other machines look on."""
+    """Address to serve the page at; with 0.0.0.0 other machines can open it."""
     http_port: int | None = None
     """Port of the page; 8765, or a free one if that is in use."""
     no_page: Flag = False
-    """No page: only --out, --record, --foxglove and the summary."""
+    """Show no page: only --out, --record, --foxglove and the summary."""
     foxglove: Flag = False
     """Serve scans, odometry, transforms and map to Foxglove as well; needs the extra curvescan[foxglove]."""
     foxglove_port: int = 8766
