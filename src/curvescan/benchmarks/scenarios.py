@@ -9,6 +9,7 @@ other scan, as noisy as the first, so that each beam that both scans can compare
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +23,7 @@ from curvescan.types import Bools, Cov, Floats, Ints, Points, Pose
 _CHI2_95 = 7.815  # 95 % of a chi-square of three degrees of freedom
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scenario:
+class Scenario(NamedTuple):
     """One kind of pair."""
 
     name: str  # for tables
@@ -31,26 +31,20 @@ class Scenario:
     # motion, uniform within: metres, degrees
     translation_max: float
     rotation_max_deg: float
-    people_share: float  # share of the beams on people who differ between the scans
-
-
-def _scenario(name: str, sensor: str, size: tuple[float, float], people_share: float = 0.0) -> Scenario:
-    return Scenario(
-        name=name, sensor=sensor, translation_max=size[0], rotation_max_deg=size[1], people_share=people_share
-    )
+    people_share: float = 0.0  # share of the beams on people who differ between the scans
 
 
 _SIZES = {"small": (0.1, 5.0), "medium": (0.3, 15.0), "large": (0.6, 40.0)}
 _PEOPLE = 0.15
 
 SCENARIOS = (
-    *(_scenario(name, "sick-lms200", size) for name, size in _SIZES.items()),
-    *(_scenario(f"{name}, people", "sick-lms200", size, _PEOPLE) for name, size in _SIZES.items()),
-    _scenario("360 deg, small", "spinning-360", _SIZES["small"]),
-    _scenario("360 deg, large, people", "spinning-360", _SIZES["large"], _PEOPLE),
-    _scenario("270 deg, small", "hokuyo-270", _SIZES["small"]),
-    _scenario("270 deg, large, people", "hokuyo-270", _SIZES["large"], _PEOPLE),
-    _scenario("360 deg, any turn", "spinning-360", (0.3, 180.0)),
+    *(Scenario(name, "sick-lms200", *size) for name, size in _SIZES.items()),
+    *(Scenario(f"{name}, people", "sick-lms200", *size, _PEOPLE) for name, size in _SIZES.items()),
+    Scenario("360 deg, small", "spinning-360", *_SIZES["small"]),
+    Scenario("360 deg, large, people", "spinning-360", *_SIZES["large"], _PEOPLE),
+    Scenario("270 deg, small", "hokuyo-270", *_SIZES["small"]),
+    Scenario("270 deg, large, people", "hokuyo-270", *_SIZES["large"], _PEOPLE),
+    Scenario("360 deg, any turn", "spinning-360", 0.3, 180.0),
 )
 
 

@@ -92,7 +92,7 @@ def _arguments(command: Callable[..., int]) -> tuple[list[Flag], list[Flag], int
     """Return the positional arguments, the flags, and how many groups of parameters are left to --help-all."""
     texts = {p.arg_name: p.description or "" for p in parse(inspect.getdoc(command) or "").params}
     hints = get_type_hints(command, include_extras=True)
-    positional, flags, n_groups = [], [Flag("-h, --help-all", "This help; all of it.")], 0
+    positional, flags, n_groups = [], [Flag("-h, --help-all", "This help; every flag with its full text.")], 0
     for name, parameter in inspect.signature(command).parameters.items():
         kind, found = _unwrapped(hints[name])
         text = texts.get(name) or found.help

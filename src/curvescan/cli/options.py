@@ -167,14 +167,14 @@ class Reading:
     range_max: float | None = None
     """Upper limit of a valid reading, metres, in place of what the log says."""
     topic: str | None = None
-    """Which topic of a ROS bag to read, where it holds laser scans on several."""
+    """Topic of a ROS bag to read, if the bag holds laser scans on several."""
     rig: Flag = False
-    """Join all lasers of a ROS bag into one at the robot's base, by their mounts in its transforms."""
+    """Join all lasers of a ROS bag into one at the robot's base; the bag's transforms give their mounts."""
     ignore_beams: Annotated[tuple[int, int], tyro.conf.arg(metavar="FIRST LAST")] = (0, 0)
-    """Beams at the beginning and at the end of each sweep that give no reading: they see the robot, say."""
+    """Numbers of beams to ignore at the beginning and at the end of each sweep, as they see the robot."""
     laser_pose: Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y YAW_DEG")] = None
-    """Pose of the laser on the robot, metres, metres, degrees: carries the wheel odometry to the laser, in place of
-    what the log says."""
+    """Pose of the laser on the robot, metres, metres, degrees, in place of the log's. It carries the wheel odometry to
+    the laser."""
     upside_down: Flag = False
     """The laser hangs upside down, though the log does not say so: mirror its scans."""
     upright: Flag = False
@@ -182,9 +182,9 @@ class Reading:
     clockwise: Flag = False
     """The laser turns against what the log says: mirror its scans."""
     drop_stale: Flag = False
-    """A beam that repeats its value of the sweep before to the last digit gives no reading: it was not seen again."""
+    """Ignore a reading that repeats the last one of its beam to the last digit: it was not measured again."""
     backwards: Flag = False
-    """The log has the beams in the reverse of the order in which they were swept (some RPLIDARs): turn them round."""
+    """Reverse the beams of each scan: the log lists them against the order of the sweep, as some RPLIDAR drivers do."""
 
     def __post_init__(self) -> None:
         if self.upside_down and self.upright:
@@ -230,11 +230,11 @@ class Preparation:
     """What of a log is used, and what is mended in it."""
 
     as_is: Flag = False
-    """Mend nothing: codes for no return, stale, mirrored or reversed beams are taken as the log has them."""
+    """Mend nothing: take codes for no return, stale, mirrored or reversed beams as the log has them."""
     laser_only: Flag = False
-    """Leave wheels and gyroscope out, also where they agree with the scans."""
+    """Ignore wheels and gyroscope, even where they agree with the scans."""
     odometry_prior: Flag = False
-    """Expect the motion of the log's wheel odometry or gyroscope, also where it disagrees with the scans."""
+    """Use the motion of the log's wheel odometry or gyroscope, even where it disagrees with the scans."""
 
     def __post_init__(self) -> None:
         if self.odometry_prior and self.laser_only:

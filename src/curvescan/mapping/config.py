@@ -13,19 +13,19 @@ class OccupancyConfig:
     resolution: float = 0.05
     """Side of a cell, metres, > 0; map servers and planners expect 0.05."""
     hit: float = 0.7
-    """Probability that a cell is occupied where a reading of one scan ends, 0.5 to 1 (Hornung et al. 2013)."""
+    """Probability that a cell is occupied if a reading of one scan ends in it, 0.5 to 1 (Hornung et al. 2013)."""
     miss: float = 0.4
-    """Probability that a cell is occupied which the beams of one scan pass, 0 to 0.5 (Hornung et al. 2013)."""
+    """Probability that a cell is occupied if the beams of one scan pass it, 0 to 0.5 (Hornung et al. 2013)."""
     lowest: float = 0.12
-    """Probability below which no cell falls, so that what appears later is taken up in a few scans."""
+    """Lowest probability of a cell, so that a thing that appears later enters the map in a few scans."""
     highest: float = 0.97
-    """Probability above which no cell rises, so that what is taken away goes in a few scans."""
+    """Highest probability of a cell, so that a thing that is taken away leaves the map in a few scans."""
     occupied_from: float = 0.65
     """A cell counts as occupied above this probability: with the other defaults, after one scan."""
     free_to: float = 0.45
     """A cell counts as free below this probability: with the other defaults, after one scan."""
     clear_no_return: bool = True
-    """Whether a beam of which nothing came back (+inf, REP-117) clears its way to range_max."""
+    """Whether a beam without a return (+inf, REP-117) clears the cells up to range_max."""
 
     def __post_init__(self) -> None:
         require(0.0 < self.resolution < math.inf, "resolution must be a positive number of metres", self.resolution)

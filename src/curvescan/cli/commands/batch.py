@@ -30,13 +30,13 @@ class WorkFlags:
     """How the logs are run."""
 
     resume: Flag = False
-    """Leave out logs whose results stand: same log, same options, same version. What failed is run again."""
+    """Skip logs whose results are there: same log, same options, same version. Logs that failed are run again."""
     engine: Literal["local", "ray"] = "local"
     """Where the logs are run: on this machine, or on the Ray cluster that RAY_ADDRESS names."""
     workers: int | None = None
-    """How many logs at once; one a core if not given."""
+    """How many logs to run at once; by default one a core."""
     timeout: float = 3600
-    """Time that one log may take, seconds; inf for any."""
+    """Longest time that one log may take, seconds; inf for no limit."""
 
 
 def batch(

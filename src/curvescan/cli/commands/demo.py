@@ -41,9 +41,9 @@ def demo(
     sensor
         The simulated sensor.
     scans
-        How many scans.
+        Number of scans.
     people
-        How many people walk around the robot.
+        Number of people who walk around the robot.
     seed
         Random seed; selects the building and the route.
     """

@@ -43,7 +43,7 @@ class SourceFlags:
     speed: float = 1.0
     """Speed of a replay or the simulation: 1 as recorded, 10 ten times as fast, 0 as fast as it goes."""
     scans: int | None = None
-    """End after so many scans of the simulated robot."""
+    """Number of scans after which the simulated robot stops."""
     people: int = 3
     """How many people walk around the simulated robot."""
     seed: int = 0
@@ -103,11 +103,11 @@ class PageFlags:
     """Where a run is shown."""
 
     host: str = "127.0.0.1"
-    """Address that the page is served at; 0.0.0.0 lets other machines look on."""
+    """Address to serve the page at; with 0.0.0.0 other machines can open it."""
     http_port: int | None = None
     """Port of the page; 8765, or a free one if that is in use."""
     no_page: Flag = False
-    """No page: only --out, --record, --foxglove and the summary."""
+    """Show no page: only --out, --record, --foxglove and the summary."""
     foxglove: Flag = False
     """Serve scans, odometry, transforms and map to Foxglove as well; needs the extra curvescan[foxglove]."""
     foxglove_port: int = 8766
@@ -267,10 +267,10 @@ def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
 
 def _opened(path: Path) -> tuple[Any, Any]:
     """Return a map to localize in, and the same as keyframes."""
-    from curvescan.slam.localization.grid_map import field_of_grid, map_of_grid, opened
+    from curvescan.slam.localization.grid_map import map_of_grid, opened
 
     found = opened(path)
-    return found, found if isinstance(found, curvescan.SlamMap) else map_of_grid(found, field_of_grid(found))
+    return found, found if isinstance(found, curvescan.SlamMap) else map_of_grid(found)
 
 
 def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:

@@ -41,7 +41,7 @@ def calibrate(
     Parameters
     ----------
     log
-        Log of a sensor in front of planes, bare walls say; planes are simulated when it is left out.
+        Log of a sensor in front of bare walls; without it, walls are simulated.
     out
         Folder for the results; made if it is missing. Default: ./calibration.
     mounts
@@ -164,7 +164,7 @@ def experiments(
     only_logs
         Run the methods on the real logs alone, without the paper's experiments on simulated scans.
     quick
-        A tenth of the runs and a quarter of the scans, to see that all works.
+        Run only a tenth of the runs and a quarter of the scans, as a check.
     seed
         Seed of all simulated scans.
     """
@@ -210,15 +210,15 @@ def bench(
     Parameters
     ----------
     pairs
-        Pairs of each scenario; fewer than 200 are also what the times are taken on.
+        Pairs of scans in each scenario; times are taken on as many, at most 200.
     runs
         Runs of each variant and world of experiment 1.
     seed
         Seed of all simulated scans; the same seed gives the same errors.
     logs
-        Real logs, each of whose scans is matched with the one before; compared with the poses in the log.
+        Real logs; each scan is matched with the one before; compared with the poses in the log.
     out
-        Folder to write bench.md into; nothing is written without.
+        Folder for bench.md; without it nothing is written.
     """
     from contextlib import nullcontext
 

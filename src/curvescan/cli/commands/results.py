@@ -34,11 +34,11 @@ class ChangeFlags:
     """Changes of a map, in the order in which they are made."""
 
     merge: MapFile = None
-    """Join another map to it, by matches without a guess; refused where too few of them agree."""
+    """Join another map to the map, by matches without a guess; refused where too few of them agree."""
     turn: float = 0.0
-    """Turn it about the origin, degrees, counter-clockwise."""
+    """Turn the map about the origin, degrees, counter-clockwise."""
     level: Flag = False
-    """Turn it so that most of its walls are level."""
+    """Turn the map so that most of its walls run along the axes."""
     crop: Annotated[Box | None, _BOX] = None
     """Keep only the part of the map within a box, metres."""
     rub_out: Annotated[tuple[Box, ...], tyro.conf.UseAppendAction, _BOX] = ()
@@ -78,20 +78,20 @@ def edit_map(
 ) -> int:
     """Change a saved map, compare it with another, or write it in other formats.
 
-    What is given is done in the order of the flags here. Writes map.csmap, graph.g2o, map.pgm with map.yaml into the
-    folder; of a plain map, which has cells alone, map.pgm with map.yaml.
+    Changes are made in the order of the flags here. Writes map.csmap, graph.g2o, map.pgm with map.yaml into the folder;
+    of a plain map, which has cells alone, map.pgm with map.yaml.
 
     Parameters
     ----------
     file
         The map: map.csmap of `curvescan slam`, or map.yaml. Where one of two maps is plain, both are taken as such.
     compare
-        A later map: what appeared and what is gone, in changes.csv and changes.png. It is laid on the other by matches
-        without a guess; where nothing joins them the two are compared as they lie.
+        Compare the map with this later one; changes.csv and changes.png show what appeared and what is gone. Matches
+        without a guess align the two; where nothing joins them, they are compared as they lie.
     points
-        All readings, or the occupied cells of a plain map, as points.ply or points.pcd.
+        Write points.ply or points.pcd: all readings, or the occupied cells of a plain map.
     export
-        Further files: kitti (trajectory.kitti), g2o (graph.g2o), mcap (run.mcap), of the keyframes.
+        Also write the keyframes as trajectory.kitti, graph.g2o or run.mcap.
     """
     from curvescan.cli.console import OUT
     from curvescan.io.writing import RunData, write_exports, write_pcd, write_ply
@@ -200,11 +200,11 @@ def view(
     results
         Results folder of `curvescan odometry`, `slam` or `localize`, or a map file (.csmap).
     other
-        A second one, shown beside it.
+        A second run, shown beside the first.
     export
         Write the page into this file instead.
     host
-        Address that the page is served at; 0.0.0.0 lets other machines look on.
+        Address to serve the page at; with 0.0.0.0 other machines can open it.
     http_port
         Port of the page; 8765, or a free one if that is in use.
     """
@@ -254,13 +254,13 @@ def evaluate(
     laser_pose
         Pose of the laser on the robot: metres, metres, degrees; for relations, and for references of the robot.
     near
-        Relations of scans less than this apart are near, seconds.
+        Longest time between the scans of a near relation, seconds.
     tolerance
-        Largest difference of two time stamps that belong together, seconds; for references. Equal stamps come first.
+        Largest difference of two stamps that belong together, seconds; for references. Equal stamps come first.
     benchmark
-        Log whose published errors to print; by default what the name of the relations file says.
+        Log whose published errors to print; by default the one that the relations file is named after.
     out
-        Folder for evaluation.md, evaluation.json and two figures; nothing is written without.
+        Folder for evaluation.md, evaluation.json and two figures; without it nothing is written.
     """
     from curvescan.cli.console import OUT, show, with_flags
     from curvescan.runs.evaluation import evaluate as measure

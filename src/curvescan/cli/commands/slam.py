@@ -58,8 +58,8 @@ def odometry(
         What a scan is matched with: `keys`, a keyframe until it is left behind, and earlier ones where the place is
         known; `last`, the scan before it; `auto`, keyframes for the default matcher and the last scan for the others.
     export
-        Further files: kitti (trajectory.kitti, 3x4 rows), g2o (graph.g2o, the matches as a pose graph), mcap (run.mcap,
-        scans and poses for Foxglove and ROS 2).
+        Also write trajectory.kitti, graph.g2o or run.mcap: 3x4 rows, the matches as a pose graph, or scans and poses
+        for Foxglove and ROS 2.
     """
     from curvescan.cli.console import run_display
     from curvescan.cli.summary import report
@@ -119,8 +119,8 @@ def slam(
         A map to continue, map.csmap of an earlier run: the log may begin anywhere in it. Without LOG the map is only
         mended.
     export
-        Further files: kitti (trajectory.kitti, 3x4 rows), mcap (run.mcap, scans and poses for Foxglove and ROS 2);
-        graph.g2o is written in any case.
+        Also write trajectory.kitti or run.mcap: 3x4 rows, or scans and poses for Foxglove and ROS 2. graph.g2o is
+        written in any case.
     """
     from curvescan.cli.console import run_display
     from curvescan.cli.summary import report

@@ -19,7 +19,7 @@ class ConvergenceConfig:
     min_translation: float = 2e-4
     """An iteration that moves less, metres, and turns less than min_rotation is the last."""
     min_rotation: float = 1e-4
-    """Radians; see min_translation."""
+    """An iteration that turns less, radians, and moves less than min_translation is the last."""
 
     def __post_init__(self) -> None:
         require(self.max_iterations >= 1, "max_iterations must be at least 1", self.max_iterations)
@@ -34,9 +34,9 @@ class ShrinkConfig:
     first: float
     """Limit of the first iteration."""
     last: float
-    """Limit it does not fall below; a method may not stop before it is reached."""
+    """Lowest limit; the method may not stop before it is reached."""
     decay: float
-    """Iteration t has first * exp(-decay * t)."""
+    """The limit of iteration t is first * exp(-decay * t)."""
 
     def __post_init__(self) -> None:
         require(0.0 < self.last <= self.first, "limits must satisfy 0 < last <= first", (self.last, self.first))
@@ -59,9 +59,9 @@ class LinesConfig:
     max_error: float = 0.04
     """A line is split where a reading lies farther from it, metres: four times the noise of an LMS200."""
     min_readings: int = 4
-    """Lines of fewer readings are dropped; at least 3."""
+    """Least number of readings of a line; at least 3."""
     min_length: float = 0.1
-    """Shorter lines are dropped, metres."""
+    """Least length of a line, metres."""
 
     def __post_init__(self) -> None:
         require(self.max_error > 0.0, "max_error must be > 0 m", self.max_error)
@@ -74,7 +74,7 @@ class IdcConfig:
     """Iterative dual correspondence (Lu and Milios 1997)."""
 
     convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
-    """When to stop."""
+    """When the iteration stops."""
     window: ShrinkConfig = field(
         default_factory=lambda: ShrinkConfig(first=math.radians(60.0), last=math.radians(2.0), decay=0.2)
     )
@@ -82,9 +82,9 @@ class IdcConfig:
     gate: ShrinkConfig = field(default_factory=lambda: ShrinkConfig(first=4.0, last=0.15, decay=0.15))
     """Greatest distance of a pair, metres. Measured."""
     kept_share: float = 0.9
-    """Share of the pairs, the closest, that take part, in (0, 1]; the rest counts as outliers."""
+    """Share of the pairs that take part, closest first, in (0, 1]; the others count as outliers."""
     median_readings: int = 3
-    """Readings the median filter looks at, odd; 1 for none. Gutmann's is 5; it rounds corners."""
+    """Width of the median filter in readings, odd; 1 for none. Gutmann's is 5, which rounds corners."""
     min_share: float = 0.3
     """Least share of the current readings that must take part, in (0, 1]."""
 
@@ -100,15 +100,15 @@ class CoxConfig:
     """Points to lines (Cox 1991)."""
 
     convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
-    """When to stop."""
+    """When the iteration stops."""
     lines: LinesConfig = field(default_factory=LinesConfig)
-    """The reference's lines."""
+    """How lines are found in the reference."""
     gate: ShrinkConfig = field(default_factory=lambda: ShrinkConfig(first=2.0, last=0.05, decay=0.1))
     """Greatest distance of a point from its line, metres. Measured."""
     median_readings: int = 1
-    """Readings the median filter looks at, odd; 1 for none. Gutmann's is 5; it rounds corners."""
+    """Width of the median filter in readings, odd; 1 for none. Gutmann's is 5, which rounds corners."""
     has_projection_filter: bool = False
-    """Whether readings that the other viewpoint cannot see take no part, as for IDC."""
+    """Whether readings that the other viewpoint cannot see are left out."""
     min_share: float = 0.2
     """Least share of the current readings that must take part, in (0, 1]."""
 
@@ -122,11 +122,11 @@ class HistogramConfig:
     """Angle, x and y histograms (Weiss and v. Puttkamer 1995)."""
 
     lines: LinesConfig = field(default_factory=LinesConfig)
-    """The line filter: readings on no line take no part."""
+    """How lines are found; readings on no line are left out."""
     angle_bins: int = 360
     """Bins of the angle histogram, over the full circle."""
     max_rotation: float = math.radians(45.0)
-    """Rotations farther from the guess are not looked at, radians: a rectangular room repeats every 90 degrees."""
+    """Greatest rotation away from the guess that is tried, radians: a rectangular room repeats every 90 degrees."""
     smoothing: float = 0.03
     """Standard deviation by which the x and y histograms are smoothed, metres."""
     min_agreement: float = 0.3
@@ -144,11 +144,11 @@ class IcpConfig:
     """Point to point ICP (Besl and McKay 1992)."""
 
     convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
-    """When to stop."""
+    """When the iteration stops."""
     gate: ShrinkConfig = field(default_factory=lambda: ShrinkConfig(first=4.0, last=0.1, decay=0.15))
     """Greatest distance of a pair, metres. Measured."""
     kept_share: float = 0.95
-    """Share of the pairs, the closest, that take part, in (0, 1]."""
+    """Share of the pairs that take part, closest first, in (0, 1]."""
     min_share: float = 0.3
     """Least share of the current readings that must take part, in (0, 1]."""
 
@@ -162,11 +162,11 @@ class PlIcpConfig:
     """Point to line ICP (Censi 2008)."""
 
     convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
-    """When to stop."""
+    """When the iteration stops."""
     gate: ShrinkConfig = field(default_factory=lambda: ShrinkConfig(first=2.0, last=0.1, decay=0.1))
     """Greatest distance of a pair, metres. Measured."""
     kept_share: float = 0.95
-    """Share of the pairs, the closest, that may take part, in (0, 1]. Censi's program: 0.95."""
+    """Share of the pairs that may take part, closest first, in (0, 1]. Censi's program: 0.95."""
     range_sigma: float = 0.01
     """Range noise of the sensor, metres, for the covariance; more where the pairs show more. Censi's program: 0.01."""
     min_share: float = 0.3

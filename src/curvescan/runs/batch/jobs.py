@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from curvescan.configs import as_config, as_plain
 from curvescan.io.reading import open_log
@@ -99,18 +99,21 @@ class _LogJob:
     command: tuple[str, ...] = field(default=(), metadata={"is_option": False})
     """The command line behind the batch, for run.json."""
 
+    engine: ClassVar[EngineName]
+
     def __post_init__(self) -> None:
-        self._fill_in("matcher", config_of(self.method, self.matcher, name="matcher"))
+        default = OdometryConfig.of_method(self.method) if self.engine == "odometry" else SlamConfig()
+        matcher = config_of(self.method, self.matcher, name="matcher")
+        for name, value in (("matcher", matcher), ("config", as_config(self.config, default))):
+            object.__setattr__(self, name, value)  # the only way in a frozen dataclass
 
-    def _fill_in(self, name: str, value: object) -> None:
-        object.__setattr__(self, name, value)  # the only way in a frozen dataclass
-
-    def _run(self, engine: EngineName, log: Path, folder: Path) -> JobResult:
+    def __call__(self, log: Path, folder: Path) -> JobResult:
+        """Run the engine over a log and write all results."""
         from curvescan.runs.run import run
 
         result = run(
             self.logs.open(log),
-            engine,
+            self.engine,
             out=folder,
             method=self.method,
             config=self.config,
@@ -136,32 +139,18 @@ class _LogJob:
 class OdometryJob(_LogJob):
     """Runs the odometry of each log and makes its maps, as :func:`curvescan.run` does."""
 
+    engine = "odometry"
     config: OdometryConfig | Mapping[str, Any] | None = None
     """Configuration of the odometry; a mapping of the fields that differ; None for what suits the method."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._fill_in("config", as_config(self.config, OdometryConfig.of_method(self.method)))
-
-    def __call__(self, log: Path, folder: Path) -> JobResult:
-        """Run the odometry of a log and write trajectory, maps and run.json."""
-        return self._run("odometry", log, folder)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SlamJob(_LogJob):
     """Runs SLAM of each log, as ``curvescan slam`` does."""
 
+    engine = "slam"
     config: SlamConfig | Mapping[str, Any] | None = None
     """Configuration of SLAM; a mapping of the fields that differ; None for the defaults."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._fill_in("config", as_config(self.config, SlamConfig()))
-
-    def __call__(self, log: Path, folder: Path) -> JobResult:
-        """Run SLAM of a log and write trajectories, graph, maps and run.json."""
-        return self._run("slam", log, folder)
 
 
 def _result(verdict: Verdict, trajectory: Trajectory) -> JobResult:
