@@ -473,7 +473,8 @@ def test_what_could_not_be_read_is_told_by_the_run(log, tmp_path, capsys):
 def test_a_process_ends_with_its_clean_ups_done_and_its_threads_over(is_threaded: bool) -> None:
     thread = "threading.Thread(target=lambda: (time.sleep(0.5), print('thread over'))).start()"
     code = (
-        "import atexit, sys, threading, time; from curvescan.cli.main import main; atexit.register(print, 'cleaned up');"
+        "import atexit, sys, threading, time; from curvescan.cli.main import main; "
+        "atexit.register(print, 'cleaned up');"
         f"{thread * is_threaded or 'pass'}; sys.argv = ['curvescan', 'info', 'missing.clf']; main()"
     )
     buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
