@@ -117,7 +117,7 @@ class Evidence:
 
     @property
     def is_guessed(self) -> bool:
-        """Whether the motion along one direction is guessed in many scans: it is unobservable, and no wheels are used."""
+        """Whether many scans leave a direction unobservable, and no wheels are used: the motion is guessed."""
         return self.motion != "used" and self.open_share > MAX_OPEN_SHARE
 
     @property

@@ -89,7 +89,7 @@ def overlaid(one: OccupancyGrid, other: OccupancyGrid) -> tuple[OccupancyGrid, O
 
 
 def joined(one: OccupancyGrid, other: OccupancyGrid) -> OccupancyGrid:
-    """Return two maps of one frame as one: a cell is occupied if it is so in either map, else free if it is so in either."""
+    """Return two maps of one frame as one: occupied where either map is, else free where either map is."""
     one, other = overlaid(one, other)
     is_known = other.is_occupied | ((one.log_odds == 0.0) & other.is_free)
     return replace(one, log_odds=np.where(is_known & ~one.is_occupied, other.log_odds, one.log_odds))
