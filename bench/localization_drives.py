@@ -5,7 +5,8 @@ Run as ``python bench/localization_drives.py CACHE LOG...`` on logs that curvesc
 with an initial pose 1 m and 20 deg off, with ``--plain`` also in the map's cells alone, with ``--halves`` the halves of
 each log in each other's maps. No truth is needed: right fixes put one map on the other alike, and the placement that
 most poses support is the reference. Of halves it is the map of the whole log, seen from the keyframe that lies nearest,
-so that bending elsewhere does not count.
+so that bending elsewhere does not count; how many scans the other half's map shows, and how many of these are given a
+pose, is then printed as well.
 """
 
 from __future__ import annotations
@@ -21,16 +22,21 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 import curvescan as cs
 from curvescan import se2
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.mapping.map_server import read_map, write_map
 from curvescan.odometry import StepOutcome
+from curvescan.slam.editing.operations import map_points
 from curvescan.types import Bools, Floats, Ints, Pose
 
 SAME_M, SAME_RAD = 1.0, np.radians(10.0)
 """A pose farther from the reference than this is false, metres and radians: maps made apart bend by some decimetres."""
+
+SHOWN, SHOWN_M = 0.8, 0.2
+"""A map shows a scan of which this share of the readings lies this near to readings of its keyframes, metres."""
 
 PRIOR_OFF, PRIOR_SIGMA = np.array([0.8, 0.6, np.radians(20.0)]), np.array([0.7, 0.7, np.radians(15.0)])
 """An initial pose is so far off, 1 m and 20 deg, and is said to be so uncertain, x, y, theta."""
@@ -176,6 +182,19 @@ def same_as_whole(own: Pose, other: Drive, other_in_whole: Pose) -> Callable[[Lo
     return same
 
 
+def shown_in(half: cs.Log, own: Pose, other: Drive, other_in_whole: Pose) -> Bools:
+    """Return (n,) which scans of a half the map of the other shows: SHOWN of their readings are on what its scans saw.
+
+    own (n, 3), other_in_whole (m, 3): Poses of the scans of both halves in the map of the whole.
+    """
+    there = other_in_whole[other.slam_map.indices]
+    nearest = cKDTree(there[:, :2]).query(own[:, :2])[1]
+    poses = se2.compose(other.slam_map.poses[nearest], se2.between(there[nearest], own))
+    seen = cKDTree(map_points(other.slam_map))
+    ends = (se2.transform(pose, scan.points[scan.valid]) for scan, pose in zip(half, poses, strict=True))
+    return np.array([len(p) > 0 and np.mean(seen.query(p)[0] < SHOWN_M) >= SHOWN for p in ends])
+
+
 def first_of_whole(own: Pose, other: Drive, other_in_whole: Pose) -> Pose:
     """Return (3,) the first pose of a half in the map of the other one."""
     there = other_in_whole[other.slam_map.indices]
@@ -229,7 +248,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             same = partial(is_same, drive, placement=placement)
             begin = se2.compose(placement, drive.poses[0])
         name = f"{i + 1} in {j + 1}"
-        sys.stdout.write(line_of(name, found, same) + "\n")
+        text = line_of(name, found, same)
+        if given.halves:
+            shown = shown_in(drive.log, parts[i], other, parts[j])
+            text += f" {np.mean(shown):.1%} shown by the map, of these {np.mean(found.is_known[shown]):.1%} with a pose"
+        sys.stdout.write(text + "\n")
         sys.stdout.flush()
         plain_map = plain_map_of(other, given.cache) if given.plain else None
         if plain_map is not None:

@@ -82,8 +82,7 @@ class Keyframes:
     @property
     def profiles(self) -> Floats:
         """(n, 2, N_SECTORS) float64, a view: range profile of each keyframe."""
-        profiles: Floats = self._profiles.array
-        return profiles
+        return self._profiles.array
 
     def prepared(self, k: int) -> PreparedScan:
         """Return a keyframe ready to be matched."""

@@ -27,7 +27,7 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.localization.correlative import contour_length
+from curvescan.slam.localization.correlative import STEP_M, contour_length
 from curvescan.slam.localization.grid_map import opened, with_field
 from curvescan.slam.localization.matching import Hit, MapMatcher, fused
 from curvescan.slam.localization.prior import Prior
@@ -37,7 +37,7 @@ from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.relative import between_steps
 from curvescan.types import Cov, Points
 
-_SEARCHED = np.diag(np.square([0.15, 0.15, 0.06]))
+_SEARCHED = np.diag(np.square([0.5 * STEP_M, 0.5 * STEP_M, 0.06]))
 """Covariance of a pose that the search found, as a guess for matches: metres and radians."""
 
 _LEAST_FIT, _WORSE_FIT = 0.2, 0.05

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
-from typing import cast
+from dataclasses import dataclass
 
 import numpy as np
 
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.scan import LaserScan
-from curvescan.slam.map_file import MapContent, read_map_file, write_map_file
+from curvescan.slam.map_file import read_map_file, write_map_file
 from curvescan.types import Cov, Floats, Ints, Pose, PoseEdge
 
 
@@ -97,7 +96,7 @@ class SlamMap:
         OutputError
             When the file cannot be written.
         """
-        write_map_file(path, cast(MapContent, {field.name: getattr(self, field.name) for field in fields(self)}))
+        write_map_file(path, self)
 
 
 def as_map(given: SlamMap | str | os.PathLike[str]) -> SlamMap:

@@ -7,7 +7,7 @@ does not know are left aside, so that a later version may add some.
 from __future__ import annotations
 
 import os
-from typing import Any, TypedDict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,10 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.scan import LaserScan
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Cov, Floats, Ints, Pose
+from curvescan.types import Cov, Floats
+
+if TYPE_CHECKING:
+    from curvescan.slam.map import SlamMap
 
 VERSION = 1
 """Of the format that is written; files of this version and of those before it are read."""
@@ -35,45 +38,28 @@ _REQUIRED = (
 )  # fmt: skip
 
 
-class MapContent(TypedDict):
-    """What a file holds: the fields of a SlamMap, by their names."""
-
-    scans: tuple[LaserScan, ...]
-    poses: Pose
-    covariances: Cov
-    indices: Ints
-    sessions: Ints
-    ends: Ints
-    measured: Pose
-    edge_covariances: Cov
-    kinds: Ints
-    weights: Floats
-    grid: OccupancyGrid | None
-
-
-def write_map_file(path: str | os.PathLike[str], content: MapContent) -> None:
+def write_map_file(path: str | os.PathLike[str], slam_map: SlamMap) -> None:
     """Write a map in one step; see :meth:`curvescan.SlamMap.save`."""
-    scans = content["scans"]
+    scans = slam_map.scans
     uneven = [s for s in scans if not s.has_uniform_angles]
     arrays: dict[str, Any] = {
         "csmap_version": np.array([VERSION], dtype=np.int64),
-        "poses": content["poses"],
-        "covariances": content["covariances"][:, _UPPER[0], _UPPER[1]],
-        "indices": content["indices"],
-        "sessions": content["sessions"],
+        "poses": slam_map.poses,
+        "covariances": slam_map.covariances[:, _UPPER[0], _UPPER[1]],
+        "indices": slam_map.indices,
+        "sessions": slam_map.sessions,
         "stamps": np.array([s.stamp for s in scans]),
         "n_beams": np.array([len(s) for s in scans], dtype=np.int64),
         "setups": np.array([_setup(s) for s in scans]).reshape(-1, len(_SETUP)),
         "ranges": np.concatenate([s.ranges for s in scans] or [np.empty(0)]).astype(np.float32),
         "angles": np.concatenate([s.angles for s in uneven] or [np.empty(0)]),
-        "edge_ends": content["ends"],
-        "edge_poses": content["measured"],
-        "edge_covariances": content["edge_covariances"][:, _UPPER[0], _UPPER[1]],
-        "edge_kinds": content["kinds"],
-        "edge_weights": content["weights"],
+        "edge_ends": slam_map.ends,
+        "edge_poses": slam_map.measured,
+        "edge_covariances": slam_map.edge_covariances[:, _UPPER[0], _UPPER[1]],
+        "edge_kinds": slam_map.kinds,
+        "edge_weights": slam_map.weights,
     }
-    grid = content["grid"]
-    if grid is not None:
+    if (grid := slam_map.grid) is not None:
         arrays["grid_log_odds"] = grid.log_odds
         arrays["grid_origin"] = grid.origin
         arrays["grid_config"] = np.array([float(getattr(grid.config, name)) for name in _GRID])
@@ -86,8 +72,8 @@ def write_map_file(path: str | os.PathLike[str], content: MapContent) -> None:
         raise OutputError(f"cannot write {os.fspath(path)!r}: {error.strerror or error}") from error
 
 
-def read_map_file(path: str | os.PathLike[str]) -> MapContent:
-    """Return what a map file holds; see :func:`curvescan.load_map`."""
+def read_map_file(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return what a map file holds, by the names of the fields of a SlamMap; see :func:`curvescan.load_map`."""
     path = as_path(path, "a map")
     if not path.is_file():
         raise LogFileError(f"map {path} does not exist: check the path")
@@ -115,7 +101,7 @@ def read_map_file(path: str | os.PathLike[str]) -> MapContent:
         raise LogFormatError(f"map {path} is damaged: {error}") from error
 
 
-def _map_of(arrays: dict[str, Floats]) -> MapContent:
+def _map_of(arrays: dict[str, Floats]) -> dict[str, Any]:
     n, m = len(arrays["poses"]), len(arrays["edge_ends"])
     shapes = {
         "poses": (n, 3), "covariances": (n, 6), "indices": (n,), "sessions": (n,), "stamps": (n,),
@@ -133,19 +119,19 @@ def _map_of(arrays: dict[str, Floats]) -> MapContent:
     kinds = arrays["edge_kinds"].astype(np.int64)
     # maps were saved with edges of the wheels alone, beside those of the same steps
     used = np.isin(kinds, [*EdgeKind])
-    return MapContent(
-        scans=_scans_of(arrays),
-        poses=arrays["poses"],
-        covariances=_full(arrays["covariances"]),
-        indices=arrays["indices"].astype(np.int64),
-        sessions=arrays["sessions"].astype(np.int64),
-        ends=ends[used],
-        measured=arrays["edge_poses"][used],
-        edge_covariances=_full(arrays["edge_covariances"][used]),
-        kinds=kinds[used],
-        weights=arrays["edge_weights"][used],
-        grid=_grid_of(arrays),
-    )
+    return {
+        "scans": _scans_of(arrays),
+        "poses": arrays["poses"],
+        "covariances": _full(arrays["covariances"]),
+        "indices": arrays["indices"].astype(np.int64),
+        "sessions": arrays["sessions"].astype(np.int64),
+        "ends": ends[used],
+        "measured": arrays["edge_poses"][used],
+        "edge_covariances": _full(arrays["edge_covariances"][used]),
+        "kinds": kinds[used],
+        "weights": arrays["edge_weights"][used],
+        "grid": _grid_of(arrays),
+    }
 
 
 def _setup(scan: LaserScan) -> list[float]:
@@ -162,19 +148,15 @@ def _scans_of(arrays: dict[str, Floats]) -> tuple[LaserScan, ...]:
         raise ValueError("the readings are not as many as its keyframes have beams")
     if n_beams[is_uneven].sum() != len(arrays["angles"]):
         raise ValueError("the angles are not as many as its unevenly spaced beams")
+    all_ranges = np.split(arrays["ranges"], np.cumsum(n_beams))[:-1]
+    all_angles = iter(np.split(arrays["angles"], np.cumsum(n_beams[is_uneven])))
     scans = []
-    first = first_angle = 0
-    for stamp, n, setup, uneven in zip(
-        arrays["stamps"].tolist(), n_beams.tolist(), arrays["setups"].tolist(), is_uneven.tolist(),
-        strict=True,
-    ):  # fmt: skip
-        directions: dict[str, Any] = {"angle_min": setup[0], "angle_increment": setup[1]}
+    for stamp, ranges, setup in zip(arrays["stamps"].tolist(), all_ranges, arrays["setups"].tolist(), strict=True):
+        angle_min, angle_increment, range_min, range_max, uneven = setup
+        directions: dict[str, Any] = {"angle_min": angle_min, "angle_increment": angle_increment}
         if uneven:
-            directions = {"angles": arrays["angles"][first_angle : first_angle + n]}
-            first_angle += n
-        ranges = arrays["ranges"][first : first + n]
-        first += n
-        scans.append(LaserScan(ranges, range_min=setup[2], range_max=setup[3], stamp=stamp, **directions))
+            directions = {"angles": next(all_angles)}
+        scans.append(LaserScan(ranges, range_min=range_min, range_max=range_max, stamp=stamp, **directions))
     return tuple(scans)
 
 

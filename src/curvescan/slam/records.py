@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from array import array
-
 import numpy as np
 
 from curvescan import se2
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.se2.uncertain import UncertainPose, identity
+from curvescan.slam.loops.belief import composed_covariances
+from curvescan.slam.pose_graph.rows import Rows
 from curvescan.types import Cov, Floats, Ints, Pose
 
-_UPPER = np.triu_indices(3)
-
-_FLOOR, _TURN_FLOOR = 1e-4, 1e-4
+_FLOOR = 1e-4
 """Variance that each metre of the way adds, square metres and square radians: where matches measure all of the motion
 its length decides."""
 
+_SCAN = np.dtype([("stamp", float), ("stretch", int), ("relative", float, 3), ("covariance", float, (3, 3))])
+
 
 class Records:
-    """One row a scan: stamp, keyframe, pose and covariance in its frame.
+    """One row a scan: stamp, stretch, pose and covariance in the frame of the keyframe that the stretch begins with.
 
     A stretch is the way from a keyframe to the next; a scan lies between both, and is moved by its share of what the
     graph moved the one against the other: that of the variance in this direction which the odometry had gathered by
@@ -27,16 +27,10 @@ class Records:
     """
 
     def __init__(self) -> None:
-        self._stamps = array("d")
-        self._stretch = array("q")
-        self._relative = array("d")
-        self._covariances = array("d")
+        self._scans = Rows(dtype=_SCAN)
         self._from: list[int] = []  # keyframe a stretch begins with
         self._to: list[int] = []  # keyframe it ends with; -1 while it is open
         self._way: list[UncertainPose] = []  # the one seen from the other by the odometry
-
-    def __len__(self) -> int:
-        return len(self._stamps)
 
     def begin(self, keyframe: int, way: UncertainPose | None) -> None:
         """Begin a stretch at a keyframe; `way` is its pose by the odometry in the frame before, if any."""
@@ -49,36 +43,25 @@ class Records:
 
     def add(self, stamp: float, seen: UncertainPose) -> None:
         """Add a scan by its pose in the frame of the keyframe that the stretch began with."""
-        self._stamps.append(stamp)
-        self._stretch.append(len(self._from) - 1)
-        self._relative.extend(seen.pose)
-        self._covariances.extend(seen.cov[_UPPER])
+        self._scans.append((stamp, len(self._from) - 1, seen.pose, seen.cov))
 
     def keyframe_scans(self) -> Ints:
         """Return (k, 2) number and scan of each keyframe of this session, also of those that went."""
-        first = np.searchsorted(np.array(self._stretch), np.arange(len(self._from)))
+        first = np.searchsorted(self._scans.array["stretch"], np.arange(len(self._from)))
         return np.column_stack([np.array(self._from, dtype=np.int64), first])
 
     def trajectory(self, poses: Pose, covariances: Cov) -> Trajectory:
-        """Return all poses so far.
-
-        poses (n, 3); covariances (n, 3, 3).
-        """
-        n = len(self)
-        if n == 0:
+        """Return all poses so far, by those of the keyframes, (n, 3), and their covariances, (n, 3, 3)."""
+        scans = self._scans.array
+        if not len(scans):
             return Trajectory(stamps=np.empty(0), poses=np.empty((0, 3)), covariances=np.empty((0, 3, 3)))
-        stretch = np.array(self._stretch, dtype=np.int64)
-        relative = np.array(self._relative).reshape(n, 3)
+        stretch, relative, own = scans["stretch"], scans["relative"], scans["covariance"]
         first = np.array(self._from, dtype=np.int64)[stretch]
-        own = self._own_covariances()
         found = se2.compose(poses[first], relative)
+        _, in_map = composed_covariances(poses[first], covariances[first], UncertainPose(relative, own))
         found += self._corrections(stretch, relative, own, found, poses)
         found[:, 2] = se2.wrap(found[:, 2])
-        return Trajectory(
-            stamps=np.array(self._stamps),
-            poses=found,
-            covariances=_joined(covariances[first], poses[first], relative, own),
-        )
+        return Trajectory(stamps=scans["stamp"].copy(), poses=found, covariances=in_map)
 
     def _corrections(self, stretch: Ints, relative: Pose, own: Cov, found: Pose, poses: Pose) -> Pose:
         """Return (n, 3) by how much each scan is moved towards where the keyframe at the end of its stretch has it."""
@@ -95,32 +78,11 @@ class Records:
         x, y = c * off[:, 0] - s * off[:, 1], s * off[:, 0] + c * off[:, 1]
         total = np.array([w.cov for w in self._way])[stretch]
         share = _gathered(own, x, y, done) / _gathered(total, x, y, whole)
-        share_turn = (own[:, 2, 2] + _TURN_FLOOR * done) / (total[:, 2, 2] + _TURN_FLOOR * whole)
+        share_turn = (own[:, 2, 2] + _FLOOR * done) / (total[:, 2, 2] + _FLOOR * whole)
         is_closed = last >= 0
         off[:, :2] *= np.where(is_closed, np.clip(share, 0.0, 1.0), 0.0)[:, np.newaxis]
         off[:, 2] *= np.where(is_closed, np.clip(share_turn, 0.0, 1.0), 0.0)
         return off
-
-    def _own_covariances(self) -> Cov:
-        """Return (n, 3, 3) covariance of each scan in the frame of the keyframe that its stretch began with."""
-        rows = np.array(self._covariances).reshape(-1, 6)
-        own = np.empty((len(rows), 3, 3))
-        own[:, _UPPER[0], _UPPER[1]] = rows
-        own[:, _UPPER[1], _UPPER[0]] = rows
-        return own
-
-
-def _joined(of_keyframe: Cov, pose: Pose, relative: Pose, own: Cov) -> Cov:
-    """Return (n, 3, 3) covariance in the map of scans that hang on keyframes."""
-    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-    by_keyframe = np.tile(np.eye(3), (len(own), 1, 1))
-    by_keyframe[:, 0, 2] = -s * relative[:, 0] - c * relative[:, 1]
-    by_keyframe[:, 1, 2] = c * relative[:, 0] - s * relative[:, 1]
-    turn = np.tile(np.eye(3), (len(own), 1, 1))
-    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = c, -s, s, c
-    cov: Cov = by_keyframe @ of_keyframe @ by_keyframe.transpose(0, 2, 1)
-    cov += turn @ own @ turn.transpose(0, 2, 1)
-    return cov
 
 
 def _gathered(cov: Cov, x: Floats, y: Floats, length: Floats) -> Floats:

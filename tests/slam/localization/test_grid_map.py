@@ -14,7 +14,7 @@ from curvescan.errors import LogFileError, LogFormatError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.mapping.occupancy import OccupancyGrid
-from curvescan.slam.localization.grid_map import field_of_grid, map_of_grid, opened
+from curvescan.slam.localization.grid_map import map_of_grid, opened
 from tests.slam.map_example import FILE, lap, scans
 
 
@@ -30,7 +30,7 @@ def _box(n: int = 120, resolution: float = 0.05) -> OccupancyGrid:
 
 def test_beams_end_in_the_middle_of_the_wall() -> None:
     grid = _box()
-    found = map_of_grid(grid, field_of_grid(grid))
+    found = map_of_grid(grid)
     assert len(found) > 4
     low, high = grid.origin + 0.05 * 10.5, grid.origin + 0.05 * 109.5
     for scan, pose in zip(found.scans, found.poses, strict=True):
@@ -45,7 +45,7 @@ def test_a_beam_into_the_unknown_says_nothing() -> None:
     grid = _box()
     log_odds = grid.log_odds.copy()
     log_odds[:, -11] = 0.0  # the wall at the right is unknown
-    found = map_of_grid(half := replace(grid, log_odds=log_odds), field_of_grid(half))
+    found = map_of_grid(replace(grid, log_odds=log_odds))
     scan = found.scans[0]
     assert not scan.valid[np.abs(scan.angles) < 0.2].any()
     assert scan.valid[np.abs(scan.angles) > 3.0].all()
@@ -55,14 +55,14 @@ def test_a_large_map_is_looked_at_from_no_more_places() -> None:
     log_odds = np.full((1500, 1500), -2.0, dtype=np.float32)
     log_odds[::300] = 3.0
     grid = OccupancyGrid(log_odds=log_odds, origin=np.zeros(2), config=OccupancyConfig())
-    assert 1000 < len(map_of_grid(grid, field_of_grid(grid))) <= 2000
+    assert 1000 < len(map_of_grid(grid)) <= 2000
 
 
 def test_a_map_without_free_places_and_files_that_are_none_are_refused(tmp_path: Path) -> None:
     grid = _box()
     dark = replace(grid, log_odds=np.abs(grid.log_odds))
     with pytest.raises(LogFormatError, match=r"no free place 0\.3 m clear of walls: its free_thresh or negate"):
-        map_of_grid(dark, field_of_grid(dark))
+        map_of_grid(dark)
     (tmp_path / "floor.pgm").write_bytes(b"P5\n1 1\n255\n0")
     with pytest.raises(LogFileError, match=r"floor\.yaml beside it"):
         opened(tmp_path / "floor.pgm")

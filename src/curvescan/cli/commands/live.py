@@ -267,10 +267,10 @@ def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
 
 def _opened(path: Path) -> tuple[Any, Any]:
     """Return a map to localize in, and the same as keyframes."""
-    from curvescan.slam.localization.grid_map import field_of_grid, map_of_grid, opened
+    from curvescan.slam.localization.grid_map import map_of_grid, opened
 
     found = opened(path)
-    return found, found if isinstance(found, curvescan.SlamMap) else map_of_grid(found, field_of_grid(found))
+    return found, found if isinstance(found, curvescan.SlamMap) else map_of_grid(found)
 
 
 def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:

@@ -13,13 +13,14 @@ from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.odometry.measurement import as_measurement
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.editing.graph import solved
+from curvescan.slam.editing.operations import part_of
 from curvescan.slam.jobs import Problem
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.localization.grid_map import field_of_grid, map_of_grid
+from curvescan.slam.localization.grid_map import map_of_grid
 from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Bools, Cov, Pose
+from curvescan.types import Bools, Cov, Ints, Pose
 
 _N_ALIKE, _MOST_VIEWS = 3, 200
 """Keyframes of one map that each one of the other is matched with, and how many of the other, evenly chosen, at
@@ -30,8 +31,6 @@ _AGREES_M, _AGREES_RAD = 0.5, 0.1
 
 _LEAST, _MARGIN = 5, 3.0
 """Keyframes whose matches must agree, and how many times as many as agree on any other place."""
-
-_OF_EDGES = ("ends", "measured", "edge_covariances", "kinds", "weights")
 
 
 def merged(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> SlamMap:
@@ -55,9 +54,7 @@ def merged(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> Sl
         chosen = agrees
 
 
-def _joined(
-    one: SlamMap, other: SlamMap, pairs: np.ndarray, measured: Pose, covariances: Cov, config: SlamConfig
-) -> SlamMap:
+def _joined(one: SlamMap, other: SlamMap, pairs: Ints, measured: Pose, covariances: Cov, config: SlamConfig) -> SlamMap:
     """Return two maps in one frame with closures between them, optimized."""
     both = replace(
         one,
@@ -75,17 +72,13 @@ def _joined(
 
 
 def in_one_frame(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> tuple[SlamMap, SlamMap]:
-    """Return two maps in the frame of the first, bent to lie on each other as :func:`merged` has them, without edges.
+    """Return two maps in the frame of the first, bent to lie on each other as :func:`merged` has them.
 
     Raises InvalidArgumentError where nothing joins them.
     """
     both = merged(one, other, config)
-    parts = []
-    for rows in (slice(None, len(one)), slice(len(one), None)):
-        of_poses = {name: getattr(both, name)[rows] for name in ("poses", "covariances", "indices", "sessions")}
-        no_edges = {name: getattr(both, name)[:0] for name in _OF_EDGES}
-        parts.append(replace(both, scans=both.scans[rows], grid=None, **of_poses, **no_edges))
-    return parts[0], parts[1]
+    rows = np.arange(len(both))
+    return part_of(both, rows[: len(one)]), part_of(both, rows[len(one) :])
 
 
 def laid_on(one: OccupancyGrid, other: OccupancyGrid) -> OccupancyGrid:
@@ -93,12 +86,12 @@ def laid_on(one: OccupancyGrid, other: OccupancyGrid) -> OccupancyGrid:
 
     Raises InvalidArgumentError where nothing joins them.
     """
-    seen, other_seen = (map_of_grid(grid, field_of_grid(grid)) for grid in (one, other))
+    seen, other_seen = (map_of_grid(grid) for grid in (one, other))
     first = merged(seen, other_seen).poses[len(seen)]
     return moved(other, se2.compose(first, se2.inverse(other_seen.poses[0])))
 
 
-def _matches(one: SlamMap, other: SlamMap, config: SlamConfig) -> tuple[np.ndarray, Pose, Cov]:
+def _matches(one: SlamMap, other: SlamMap, config: SlamConfig) -> tuple[Ints, Pose, Cov]:
     """Return (k, 2) keyframes of both maps that match without a guess, (k, 3) poses, (k, 3, 3) their covariances."""
     known = Keyframes("curvescan", None, len(one))
     for k, scan in enumerate(one.scans):
@@ -120,7 +113,7 @@ def _matches(one: SlamMap, other: SlamMap, config: SlamConfig) -> tuple[np.ndarr
     )
 
 
-def _agreed(one: SlamMap, other: SlamMap, pairs: np.ndarray, measured: Pose) -> Bools:
+def _agreed(one: SlamMap, other: SlamMap, pairs: Ints, measured: Pose) -> Bools:
     """Return (k,) which matches agree on how the maps lie to each other, or refuse."""
     places = _places(one, other, pairs, measured)
     support = [len(set(pairs[_near(places, k), 1].tolist())) for k in range(len(places))]
@@ -136,7 +129,7 @@ def _agreed(one: SlamMap, other: SlamMap, pairs: np.ndarray, measured: Pose) -> 
     return near
 
 
-def _places(one: SlamMap, other: SlamMap, pairs: np.ndarray, measured: Pose) -> Pose:
+def _places(one: SlamMap, other: SlamMap, pairs: Ints, measured: Pose) -> Pose:
     """Return (k, 3) pose of the other map in the first one, by each match."""
     there = se2.compose(one.poses[pairs[:, 0]], measured)
     return se2.compose(there, se2.inverse(other.poses[pairs[:, 1]]))

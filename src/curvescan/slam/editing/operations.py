@@ -13,7 +13,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.grid_editing import Box, check_box, overlaid, wall_angle
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.slam.map import SlamMap
-from curvescan.types import Bools, Floats, Points
+from curvescan.types import Bools, Floats, Ints, Points
 
 _TOLERANCE_CELLS = 3
 """What lies within so many cells of an obstacle of the other map has not changed: maps differ by their noise."""
@@ -65,7 +65,7 @@ def cropped(slam_map: SlamMap, box: Box) -> SlamMap:
     rows = np.flatnonzero(_inside(slam_map.poses[:, :2], box))
     if not rows.size:
         raise InvalidArgumentError(f"no keyframe lies within {box}: the map's are from {_extent(slam_map.poses)}")
-    return _without_readings(_chosen(slam_map, rows), lambda points: ~_inside(points, box))
+    return _without_readings(part_of(slam_map, rows), lambda points: ~_inside(points, box))
 
 
 def rubbed_out(slam_map: SlamMap, box: Box) -> SlamMap:
@@ -74,7 +74,7 @@ def rubbed_out(slam_map: SlamMap, box: Box) -> SlamMap:
     return _without_readings(slam_map, lambda points: _inside(points, box))
 
 
-def _chosen(slam_map: SlamMap, rows: np.ndarray) -> SlamMap:
+def part_of(slam_map: SlamMap, rows: Ints) -> SlamMap:
     """Return some keyframes and the edges between them; a first one that goes takes the frame's exact pose along."""
     row_of = np.full(len(slam_map), -1)
     row_of[rows] = np.arange(len(rows))

@@ -17,11 +17,17 @@ from curvescan._jit import kernel
 from curvescan.slam.localization.field import DistanceField
 from curvescan.types import Floats, Points, Pose
 
+STEP_M = 0.3
+"""Places that are tried lie so far from each other, metres; the refinement begins with half of it."""
+
 _N_HEADINGS = 96
 """Headings that are tried, 3.75 deg from each other."""
 
-_FIRST_M = 0.15
-"""First step of the refinement, metres: half of what the places that are tried lie apart."""
+SAME_M, SAME_RAD = 0.5, 0.26
+"""Poses nearer to each other are one, metres and radians."""
+
+_OTHER_RAD = 0.3
+"""The best two headings of a place differ by more, radians."""
 
 _REACH_M = 0.4
 """A reading speaks for a pose by how near to a wall it ends, down to nothing at this distance, metres."""
@@ -64,7 +70,7 @@ def _steps(points: Points) -> Floats:
 
 
 def likely_poses(field: DistanceField, places: Points, points: Points, n_most: int) -> Pose:
-    """Return (k, 3) poses at which a scan ends on walls, best first, half a metre or 15 deg apart.
+    """Return (k, 3) poses at which a scan ends on walls, best first, none the same as another.
 
     places (n, 2); points (m, 2).
     """
@@ -83,7 +89,7 @@ def likely_poses(field: DistanceField, places: Points, points: Points, n_most: i
     for k in np.argsort(-fine, kind="stable").tolist():
         apart = refined[chosen] - refined[k]
         turn = np.abs(np.angle(np.exp(1j * apart[:, 2])))
-        if not ((np.hypot(apart[:, 0], apart[:, 1]) < 0.5) & (turn < 0.26)).any():
+        if not ((np.hypot(apart[:, 0], apart[:, 1]) < SAME_M) & (turn < SAME_RAD)).any():
             chosen.append(k)
         if len(chosen) == n_most:
             break
@@ -138,12 +144,12 @@ def _best_headings(
             score = _score(distance, origin, resolution, points, pose, _REACH_M, _LEAST)
             if score > scores[p, 0]:
                 apart = abs(pose[2] - headings[p, 0])
-                if min(apart, 2.0 * math.pi - apart) > 0.3:
+                if min(apart, 2.0 * math.pi - apart) > _OTHER_RAD:
                     scores[p, 1], headings[p, 1] = scores[p, 0], headings[p, 0]
                 scores[p, 0], headings[p, 0] = score, pose[2]
             elif score > scores[p, 1]:
                 apart = abs(pose[2] - headings[p, 0])
-                if min(apart, 2.0 * math.pi - apart) > 0.3:
+                if min(apart, 2.0 * math.pi - apart) > _OTHER_RAD:
                     scores[p, 1], headings[p, 1] = score, pose[2]
     return scores, headings
 
@@ -156,7 +162,7 @@ def _refined(
     poses, scores = rough.copy(), np.zeros(len(rough))
     trial = np.empty(3)
     for p in range(len(rough)):
-        step, turn, reach = _FIRST_M, math.pi / _N_HEADINGS, _REACH_M
+        step, turn, reach = 0.5 * STEP_M, math.pi / _N_HEADINGS, _REACH_M
         for _ in range(4):
             best = _score(distance, origin, resolution, points, poses[p], reach, 0.0)
             moved = True
@@ -173,5 +179,5 @@ def _refined(
                             best, moved = score, True
                             poses[p] = trial
             step, turn, reach = 0.5 * step, 0.5 * turn, max(0.6 * reach, 0.15)
-        scores[p] = _score(distance, origin, resolution, points, poses[p], 0.2, 0.0)
+        scores[p] = _score(distance, origin, resolution, points, poses[p], 0.5 * _REACH_M, 0.0)
     return poses, scores

@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 
 from curvescan._jit import kernel
 from curvescan.errors import MapTooLargeError
+from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.slam.map import SlamMap
 from curvescan.types import Bools, Floats, Points
-
-RESOLUTION = 0.05
-"""Side of a cell, metres; maps of more than half a kilometre take larger ones."""
 
 ON_WALL_M = 0.12
 """A reading that ends this near to a wall of the map shows it, metres."""
@@ -91,23 +89,29 @@ class DistanceField:
 
 def field_of(slam_map: SlamMap) -> DistanceField:
     """Return the field of a map, from its keyframes."""
-    from scipy.ndimage import distance_transform_edt  # loads for a good part of a second
-
-    resolution = RESOLUTION
+    resolution = OccupancyConfig().resolution
     while True:
         try:
             worn, solid = (_grid(slam_map, resolution, miss) for miss in (_WORN, None))
-            break
+            return field_of_grid(worn, solid.is_occupied)
         except MapTooLargeError:
             resolution *= 2.0
-    occupied = worn.is_occupied
-    distance = np.full(occupied.shape, np.inf) if not occupied.any() else distance_transform_edt(~occupied) * resolution
+
+
+def field_of_grid(grid: OccupancyGrid, is_solid: Bools | bool = True) -> DistanceField:
+    """Return the field of cells: what they call occupied and free, and which occupied ones stop a beam."""
+    from scipy.ndimage import distance_transform_edt  # loads for a good part of a second
+
+    occupied = grid.is_occupied
+    distance = (
+        distance_transform_edt(~occupied) * grid.resolution if occupied.any() else np.full(occupied.shape, np.inf)
+    )
     return DistanceField(
         distance=distance.astype(np.float32),
-        is_free=np.ascontiguousarray(worn.is_free),
-        is_solid=np.ascontiguousarray(solid.is_occupied & occupied),
-        origin=np.asarray(worn.origin, dtype=np.float64),
-        resolution=resolution,
+        is_free=np.ascontiguousarray(grid.is_free),
+        is_solid=np.ascontiguousarray(occupied & is_solid),
+        origin=np.asarray(grid.origin, dtype=np.float64),
+        resolution=grid.resolution,
     )
 
 

@@ -18,7 +18,7 @@ from curvescan.mapping.map_server import read_map
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.scan import LaserScan
 from curvescan.slam.config import SlamConfig
-from curvescan.slam.localization.field import DistanceField, field_of
+from curvescan.slam.localization.field import DistanceField, field_of, field_of_grid
 from curvescan.slam.map import SlamMap, as_map, load_map
 from curvescan.types import Floats, Points
 
@@ -60,25 +60,9 @@ def with_field(found: SlamMap | OccupancyGrid, config: SlamConfig) -> tuple[Slam
     return map_of_grid(found, field), field, replace(config, noise=noise)
 
 
-def field_of_grid(grid: OccupancyGrid) -> DistanceField:
-    """Return the field of a plain map: what it calls occupied and free."""
-    occupied = grid.is_occupied
-    distance = np.full(occupied.shape, np.inf)
-    if occupied.any():
-        from scipy.ndimage import distance_transform_edt  # loads for a good part of a second
-
-        distance = distance_transform_edt(~occupied) * grid.resolution
-    return DistanceField(
-        distance=distance.astype(np.float32),
-        is_free=np.ascontiguousarray(grid.is_free),
-        is_solid=np.ascontiguousarray(occupied),
-        origin=np.asarray(grid.origin, dtype=np.float64),
-        resolution=grid.resolution,
-    )
-
-
-def map_of_grid(grid: OccupancyGrid, field: DistanceField) -> SlamMap:
+def map_of_grid(grid: OccupancyGrid, field: DistanceField | None = None) -> SlamMap:
     """Return a plain map with what a laser would see from its free places as keyframes."""
+    field = field or field_of_grid(grid)
     step = _STEP_M
     while len(places := field.places(step, _CLEARANCE_M)) > _N_PLACES:
         step *= float(np.sqrt(len(places) / _N_PLACES))

@@ -27,7 +27,7 @@ from curvescan.types import Cov, Points, Pose
 _REACH_M = 8.0
 """Keyframes farther away are not matched, metres."""
 
-_HALF_M = 4.0
+_HALF_M = 0.5 * _REACH_M
 """One this far away comes behind a near one that shares half as much, metres."""
 
 _LEAST_OVERLAP = 0.15
@@ -35,9 +35,6 @@ _LEAST_OVERLAP = 0.15
 
 _SCORE = 0.25
 """What the score of a sure match counts for beside the share of readings that the map agrees with."""
-
-_DUE_OVERLAP = 0.4
-"""A keyframe that shares as much should match."""
 
 _SURE_LOG_ODDS = math.log(99.0)
 """Log-odds of a match of full weight: one in a hundred is wrong."""
@@ -69,28 +66,26 @@ class MapMatcher:
         self._map, self._keyframes, self._config = slam_map, keyframes, config
         self._precision = MapPrecision(slam_map)
 
-    def around(
-        self, scan: LaserScan, expected: UncertainPose, *, seen_from: int = -1, n_most: int = _N_FUSED
-    ) -> tuple[list[Hit], bool]:
+    def around(self, scan: LaserScan, expected: UncertainPose, *, seen_from: int = -1) -> tuple[list[Hit], bool]:
         """Return matches with keyframes that should show a scan, where it is expected, and whether one was due."""
         poses = self._map.poses
         near = np.flatnonzero(np.hypot(*(poses[:, :2] - expected.pose[:2]).T) < _REACH_M)
         relative = se2.between(poses[near], expected.pose)
         overlap = foretold_overlap(self._keyframes.profiles, near, relative, range_profile(scan))
         apart = np.hypot(relative[:, 0], relative[:, 1])
-        order = np.argsort(-overlap / (1.0 + apart / _HALF_M), kind="stable")[: 2 * n_most]
+        order = np.argsort(-overlap / (1.0 + apart / _HALF_M), kind="stable")[: 2 * _N_FUSED]
         order = order[overlap[order] >= _LEAST_OVERLAP]
-        current = self._keyframes.prepare(scan) if len(order) else None
+        if not len(order):
+            return [], False
+        current = self._keyframes.prepare(scan)
         hits: list[Hit] = []
         for row in order.tolist():
-            assert current is not None
             hit = self._hit(int(near[row]), current, relative[row])
             if hit is not None and self._agrees(self.seen_from(expected, seen_from, hit), hit):
                 hits.append(hit)
-                if len(hits) == n_most:
+                if len(hits) == _N_FUSED:
                     break
-        is_due = bool(len(order)) and bool(overlap[order[0]] >= _DUE_OVERLAP)
-        return hits, is_due
+        return hits, bool(overlap[order[0]] >= self._config.closures.min_overlap)
 
     def seen_from(self, expected: UncertainPose, keyframe: int, hit: Hit) -> UncertainPose:
         """Return what is expected by one keyframe, with what the map errs between it and the keyframe of a match."""

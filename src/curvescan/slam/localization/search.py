@@ -16,14 +16,19 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.slam.localization.correlative import contour_length, likely_poses, refined_poses, thinned
+from curvescan.slam.localization.correlative import (
+    SAME_M,
+    SAME_RAD,
+    STEP_M,
+    contour_length,
+    likely_poses,
+    refined_poses,
+    thinned,
+)
 from curvescan.slam.localization.field import DistanceField
 from curvescan.slam.localization.matching import Hit
 from curvescan.slam.localization.prior import LOG_ODDS, Prior
 from curvescan.types import Floats, Ints, Points, Pose
-
-STEP_M, _CLEARANCE_M = 0.3, 0.15
-"""Places that are tried: so far from each other, and from walls, metres."""
 
 _N_PLACES = 20_000
 """Places that are tried for a scan, at most; in larger maps those near the keyframes most like it."""
@@ -65,9 +70,6 @@ counts: of 1,300 scans of Intel and ACES none agrees with a wrong place by more 
 _MARGIN, _MARGIN_SHARE = 0.1, 0.25
 """The support of any other place is less by so much, and by so large a share: of views that say the same of two places
 more do not help."""
-
-_SAME_M, _SAME_RAD = 0.5, 0.26
-"""Poses nearer to each other are one, metres and radians."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -168,7 +170,7 @@ class MapSearch:
 
         self.field = field
         self._n_tried = n_tried
-        self._places = field.places(STEP_M, _CLEARANCE_M)
+        self._places = field.places(STEP_M, clearance=0.5 * STEP_M)
         self.area = STEP_M**2 * len(self._places)  # square metres
         self._nearest: Ints = cKDTree(keyframes[:, :2]).query(self._places)[1].astype(np.int64)
 
@@ -252,4 +254,4 @@ def _is_clear(best: float, others: list[float], least: float) -> bool:
 def is_same(one: Pose, other: Pose) -> bool:
     """Return whether two poses of the sensor are one place."""
     x, y, theta = se2.between(one, other).tolist()
-    return bool(np.hypot(x, y) < _SAME_M and abs(theta) < _SAME_RAD)
+    return bool(np.hypot(x, y) < SAME_M and abs(theta) < SAME_RAD)

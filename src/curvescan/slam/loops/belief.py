@@ -65,9 +65,9 @@ class Belief:
 
 
 def composed_covariances(poses: Pose, covariances: Cov, then: UncertainPose) -> tuple[Pose, Cov]:
-    """Return (n, 3) poses composed with one more and (n, 3, 3) their covariances; the parts are independent."""
+    """Return (n, 3) poses composed with one more, or one each, and (n, 3, 3) covariances of independent parts."""
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    x, y, theta = then.pose.tolist()
+    x, y, theta = then.pose.T
     out = np.empty_like(poses)
     out[:, 0] = poses[:, 0] + c * x - s * y
     out[:, 1] = poses[:, 1] + s * x + c * y

@@ -64,38 +64,32 @@ class PoseGraph:
     @property
     def poses(self) -> Pose:
         """(n_poses, 3): of each keyframe in the map."""
-        poses: Pose = self._poses.array
-        return poses
+        return self._poses.array
 
     @property
     def ends(self) -> Ints:
         """(n_edges, 2): poses i and j of each edge."""
-        ends: Ints = self._edges.array["ends"]
-        return ends
+        return self._edges.array["ends"]
 
     @property
     def measured(self) -> Pose:
         """(n_edges, 3): measured pose of j in the frame of i."""
-        measured: Pose = self._edges.array["measured"]
-        return measured
+        return self._edges.array["measured"]
 
     @property
     def covariances(self) -> Cov:
         """(n_edges, 3, 3): of each measured pose, in the frame of i."""
-        covariances: Cov = self._edges.array["covariance"]
-        return covariances
+        return self._edges.array["covariance"]
 
     @property
     def kinds(self) -> Ints:
         """(n_edges,): an EdgeKind each."""
-        kinds: Ints = self._edges.array["kind"]
-        return kinds
+        return self._edges.array["kind"]
 
     @property
     def weights(self) -> Floats:
         """(n_edges,) in [0, 1]: how far the optimizer follows each edge."""
-        weights: Floats = self._edges.array["weight"]
-        return weights
+        return self._edges.array["weight"]
 
     @property
     def is_closure(self) -> Bools:

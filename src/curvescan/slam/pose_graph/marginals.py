@@ -119,14 +119,8 @@ def closed_factor(indptr: Ints, indices: Ints, lower: Floats, order: Ints) -> tu
 def inverse_blocks(indptr: Ints, indices: Ints, lower: Floats, pivots: Floats, order: Ints) -> Cov:
     """Return (n, 3, 3) diagonal blocks of the inverse of A, from its factorization P A P^T = L D L^T.
 
-    Parameters
-    ----------
-    indptr, indices, lower
-        L in CSC, rows sorted, with its unit diagonal.
-    pivots : (3n,) float64
-        The diagonal of D.
-    order : (3n,) int64
-        Row of the factorization of each row of A.
+    L in CSC, rows sorted, with its unit diagonal; pivots (3n,): the diagonal of D; order (3n,): row of the
+    factorization of each row of A.
     """
     size = len(pivots)
     z = np.zeros(len(indices))  # the inverse on the pattern of L

@@ -19,24 +19,22 @@ _LEAST_WEIGHT = 0.5
 
 def heir_of(graph: PoseGraph, v: int, among: Ints) -> int | None:
     """Return which of some poses a closure or match ties best to pose v; None if there is none."""
-    best, found = np.inf, None
-    wanted = set(among.tolist())
-    for row in _edges_at(graph, v):
-        u = _other_end(graph, row, v)
-        spread = float(np.trace(graph.covariances[row]))
-        if u in wanted and _is_match(graph, row) and spread < best:
-            best, found = spread, u
-    return found
+    row = _best_tie(graph, v, set(among.tolist()))
+    return None if row is None else _other_end(graph, row, v)
+
+
+def _best_tie(graph: PoseGraph, v: int, among: set[int]) -> int | None:
+    """Return the edge that ties pose v best to one of some poses."""
+    rows = [row for row in _edges_at(graph, v) if _other_end(graph, row, v) in among and _is_match(graph, row)]
+    return min(rows, key=lambda row: float(np.trace(graph.covariances[row])), default=None)
 
 
 def carry_over(graph: PoseGraph, v: int, heir: int) -> UncertainPose:
     """Carry the edges of pose v over to the poses that stay, take them out, and return v seen from its heir."""
     rows = _edges_at(graph, v)
     seen = {row: _seen_from(graph, row, v) for row in rows}
-    to_heir = min(
-        (row for row in rows if _other_end(graph, row, v) == heir and _is_match(graph, row)),
-        key=lambda row: float(np.trace(graph.covariances[row])),
-    )
+    to_heir = _best_tie(graph, v, {heir})
+    assert to_heir is not None
     from_heir = inverse(seen[to_heir])
     steps = [row for row in rows if graph.kinds[row] != EdgeKind.CLOSURE]
     before = [row for row in steps if _other_end(graph, row, v) < v]

@@ -18,31 +18,17 @@ from curvescan.types import Floats, Ints, Pose
 _STEP = 2.0
 """Factor of the convexity from a step to the next; 1.4 in the paper."""
 
-_MAX_STEPS = 60
 _STEEPEST = 20.0
 """Convexity at which weights are 0 or 1 but for a twentieth of the limit."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RobustOptimum:
-    """Where robust least squares ended.
+    """Where robust least squares ended."""
 
-    Attributes
-    ----------
-    poses : (n, 3) float64
-        The poses.
-    weights : (m,) float64
-        Weight of each edge in [0, 1]; near 0 or 1 at the end.
-    distances : (m,) float64
-        Squared Mahalanobis distance of each edge.
-    n_steps : int
-        Least-squares problems it took.
-    """
-
-    poses: Pose
-    weights: Floats
-    distances: Floats
-    n_steps: int
+    poses: Pose  # (n, 3)
+    weights: Floats  # (m,): of each edge in [0, 1]; near 0 or 1 at the end
+    distances: Floats  # (m,): squared Mahalanobis distance of each edge
 
 
 def optimize_robustly(
@@ -65,8 +51,7 @@ def optimize_robustly(
     distances = squared_distances(poses, edges)
     worst = distances.max(initial=0.0)
     convexity = max(limit / max(2.0 * worst - limit, 1e-12), least_convexity)
-    n_steps = 1
-    while worst > limit and n_steps < _MAX_STEPS and convexity < _STEEPEST:
+    while worst > limit and convexity < _STEEPEST:
         new = np.maximum(tls_weights(distances, limit, convexity), least)
         settled = bool(np.all((new == least) | (new == 1.0)) and np.array_equal(new, weights))
         weights = new
@@ -75,8 +60,7 @@ def optimize_robustly(
         poses = _optimum(poses, edges, weights, anchors)
         distances = squared_distances(poses, edges)
         convexity *= _STEP
-        n_steps += 1
-    return RobustOptimum(poses=poses, weights=weights, distances=distances, n_steps=n_steps)
+    return RobustOptimum(poses=poses, weights=weights, distances=distances)
 
 
 def tls_weights(distances: Floats, limit: float, convexity: float) -> Floats:

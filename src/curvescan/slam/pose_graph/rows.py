@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike
+from numpy.typing import DTypeLike, NDArray
 
 from curvescan.types import Bools
 
@@ -14,14 +14,14 @@ class Rows:
     """An array of rows of one shape and type."""
 
     def __init__(self, shape: tuple[int, ...] = (), dtype: DTypeLike = np.float64) -> None:
-        self._room: Any = np.empty((16, *shape), dtype)
+        self._room: NDArray[Any] = np.empty((16, *shape), dtype)
         self._n = 0
 
     def __len__(self) -> int:
         return self._n
 
     @property
-    def array(self) -> Any:
+    def array(self) -> NDArray[Any]:
         """The rows, a view."""
         return self._room[: self._n]
 
