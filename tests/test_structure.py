@@ -203,7 +203,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "cli": (2646, 15, 0),
     "diagnostics": (2024, 57, 0),
     "evaluation": (860, 15, 0),
-    "io": (6210, 38, 0),
+    "io": (6202, 38, 0),
     "live": (2944, 41, 0),
     "mapping": (853, 17, 8),
     "matchers": (669, 5, 0),
