@@ -200,19 +200,19 @@ PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
 BUDGET: dict[str, tuple[int, int, int]] = {
     "(ground)": (1636, 32, 0),
     "benchmarks": (528, 23, 0),
-    "cli": (2648, 15, 0),
+    "cli": (2646, 15, 0),
     "diagnostics": (2024, 57, 0),
     "evaluation": (860, 15, 0),
     "io": (6210, 38, 0),
     "live": (2944, 41, 0),
     "mapping": (853, 17, 8),
-    "matchers": (649, 5, 0),
+    "matchers": (669, 5, 0),
     "matchers/baselines": (1679, 44, 35),
     "matchers/cfsma": (1112, 15, 17),
-    "matchers/curvescan": (4045, 132, 30),
-    "odometry": (2157, 30, 20),
+    "matchers/curvescan": (4076, 132, 30),
+    "odometry": (2125, 28, 20),
     "paper": (1733, 84, 0),
-    "plots": (763, 37, 0),
+    "plots": (764, 37, 0),
     "runs": (1475, 14, 0),
     "runs/batch": (1938, 5, 0),
     "se2": (387, 0, 0),
@@ -265,6 +265,21 @@ def test_rooms_keep_to_their_budget():
         if any(n > most for n, most in zip(now, BUDGET[room], strict=True))
     }
     assert over == {}, "a rule or a number that comes in takes one out"
+
+
+READS_TRACES = ("plots", "paper", "benchmarks")
+"""Rooms that look into what a matcher did on the way; all others take its result alone."""
+
+
+def test_only_figures_and_experiments_read_the_trace_of_a_match():
+    readers = {
+        f"{path.relative_to(SOURCE)}:{node.lineno}"
+        for path in SOURCE.rglob("*.py")
+        if path.relative_to(SOURCE).parts[0] not in READS_TRACES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Attribute) and node.attr == "trace" and ast.unparse(node.value) != "np"
+    }
+    assert readers == set()
 
 
 def test_few_functions_are_long_or_take_many_arguments():

@@ -212,6 +212,39 @@ def test_a_match_gives_the_information_of_the_scans_and_its_candidates(method, p
     np.testing.assert_allclose(result.information @ result.covariance, np.eye(3), atol=1e-6)
 
 
+def test_a_candidate_says_how_well_its_pose_is_known(pair):
+    first, *others = cs.match(*pair).candidates
+    assert first.degenerate_direction is None
+    assert first.n_matched > 0
+    for candidate in (first, *others):
+        np.testing.assert_allclose(candidate.covariance, candidate.covariance.T)
+        if candidate.degenerate_direction is None:
+            np.testing.assert_allclose(candidate.covariance @ candidate.information, np.eye(3), atol=1e-6)
+
+
+def test_a_candidate_in_a_bare_corridor_has_nothing_along_it():
+    one, other = cs.simulate("bare-corridor", poses=np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]]))
+    first = cs.match(one, other).candidates[0]
+    assert first.degenerate_direction is not None
+    np.testing.assert_allclose(first.information @ first.degenerate_direction, 0.0, atol=1e-4)
+    assert np.sqrt(first.covariance[0, 0]) == pytest.approx(1.0, rel=0.1)
+
+
+def test_a_matcher_that_names_an_open_direction_only_gets_a_candidate_without_it():
+    x_open = np.array([1.0, 0.1, 0.0])
+    covariance = np.diag([1e-4, 1e-4, 1e-5]) + np.outer(x_open, x_open)
+    none = np.zeros(3, dtype=np.uint8)
+    result = cs.MatchResult(
+        method="mine", outcome=cs.Outcome.MATCHED, pose=np.zeros(3), covariance=covariance, n_matched=9, trace=None,
+        labels_reference=none, labels_current=none, degenerate_direction=x_open,
+    )  # fmt: skip
+    np.testing.assert_allclose(result.information @ x_open, 0.0, atol=1e-6)
+    assert np.linalg.matrix_rank(result.information, tol=1.0) == 2
+    (only,) = result.candidates
+    assert only.degenerate_direction is x_open
+    assert only.n_matched == 9
+
+
 def test_a_guess_is_a_prior_of_its_documented_width(method, pair):
     guess = MOTION + 0.02
     guessed = cs.match(*pair, method=method, guess=guess)

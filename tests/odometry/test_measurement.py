@@ -58,6 +58,17 @@ def test_a_doubtful_match_counts_where_it_is_expected_and_only_there(doubtful):
     assert n_decided >= 0.5 * len(doubtful)
 
 
+def test_nothing_but_the_result_is_read(doubtful):
+    """What the matcher did on the way may be anything."""
+    for result, truth in doubtful:
+        near = expected(truth, (0.05, 0.05, 0.05))
+        with_trace = decided_by_expectation(result, near, MotionConfig())
+        without = decided_by_expectation(replace(result, trace=None), near, MotionConfig())
+        np.testing.assert_array_equal(with_trace.pose, without.pose, strict=True)
+        np.testing.assert_array_equal(with_trace.covariance, without.covariance, strict=True)
+        assert with_trace.outcome is without.outcome
+
+
 def test_a_score_that_chance_reaches_does_not_count(doubtful):
     strict = MotionConfig(expected_score=1.0)
     for result, truth in doubtful:

@@ -121,12 +121,22 @@ class Candidate:
     information : (3, 3) float64
         Of the scans alone at this pose, order x, y, theta: 1/m^2, 1/(m rad), 1/rad^2. Zero along what they leave open;
         where they agree nearly as well all along it, and yet best at one place, that place has a standard deviation
-        of 0.1 m. That place is a hypothesis: it is now and then wrong, and other scans must confirm it.
+        of 0.1 m. That place is a hypothesis: it is now and then wrong, and other scans must confirm it. Without a
+        prior, one of several such places counts by how far they lie apart.
+    covariance : (3, 3) float64
+        The inverse of `information`, with a standard deviation of 1 m along what the scans leave open.
+    degenerate_direction : (3,) float64 or None
+        The direction in which the scans agree nearly as well, as in MatchResult; None where all of the pose is fixed.
+    n_matched : int
+        Pairs of readings that agree at this pose.
     """
 
     pose: Pose
     log_odds: float
     information: Cov
+    covariance: Cov
+    degenerate_direction: Floats | None = None
+    n_matched: int = 0
 
     def __repr__(self) -> str:
         x, y, theta = (float(value) for value in self.pose)
@@ -203,9 +213,19 @@ class MatchResult:
     def __post_init__(self) -> None:
         """Fill in what follows from the covariance for matchers that compute nothing more."""
         if self.ok and not self.candidates:
-            information = np.linalg.pinv(self.covariance, hermitian=True)
+            information, direction = np.linalg.pinv(self.covariance, hermitian=True), self.degenerate_direction
+            if direction is not None:
+                along = information @ direction
+                information = information - np.outer(along, along) / float(direction @ along)
             object.__setattr__(self, "information", 0.5 * (information + information.T))
-            only = Candidate(pose=self.pose, log_odds=math.nan, information=self.information)
+            only = Candidate(
+                pose=self.pose,
+                log_odds=math.nan,
+                information=self.information,
+                covariance=self.covariance,
+                degenerate_direction=direction,
+                n_matched=self.n_matched,
+            )
             object.__setattr__(self, "candidates", (only,))
 
     def with_scans(self, reference: LaserScan | None, current: LaserScan | None, **changes: object) -> "MatchResult":

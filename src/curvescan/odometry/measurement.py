@@ -1,7 +1,7 @@
-"""What a match of the default matcher measures where the scans leave a doubt: along a flat direction, or between poses.
+"""What a match measures where the scans leave a doubt: along a flat direction, or between poses.
 
-A matcher knows one guess and not how good it is. The odometry does: it knows the covariance of what it expects. So what
-the scans alone say is taken from the trace of the match, and weighed here.
+The odometry knows the covariance of what it expects. What the scans alone say stands in the candidates of a match, and
+is weighed here.
 """
 
 from __future__ import annotations
@@ -11,10 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from curvescan.matchers import MatchResult
-from curvescan.matchers.curvescan.config import InformationConfig
-from curvescan.matchers.curvescan.disambiguation import AssessedPose
-from curvescan.matchers.curvescan.matcher import CurvescanTrace
+from curvescan.matchers import Candidate, MatchResult
 from curvescan.matchers.result import Outcome
 from curvescan.odometry.config import MotionConfig
 from curvescan.se2.uncertain import UncertainPose, fuse
@@ -22,22 +19,15 @@ from curvescan.se2.uncertain import UncertainPose, fuse
 _OPEN = 100.0
 """Standard deviation of what is not measured, metres: more than any prediction errs."""
 
-_FLAT_SIGMA = 0.1
-"""Standard deviation of the best place along a direction in which the agreement of the scans is flat, but has one best
-place, metres: of keyframes a metre apart in eight logs the median error is 0.04 m and 97 in 100 are below 0.2 m."""
+_NEAR = 0.3
+"""Metres along an open direction from which on a pose was compared where the sensor is not: so far from there the
+expectation may be."""
 
-_FLAT = InformationConfig(degenerate_sigma=_FLAT_SIGMA)
-_NEAR = InformationConfig(degenerate_sigma=0.3)
+_MAX_LOG_ODDS = 60  # beyond it a probability is 0 or 1
 
 _VAGUE_SIGMA = 0.08
 """Standard deviation of what is expected along a degenerate direction from which on the scans are matched without a
 guess, metres: below it they say nothing new, and what they say again and again of one keyframe errs alike."""
-
-_LEAST_SHIFT = 0.5
-"""Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn."""
-
-_MOVED = 0.15
-"""Best places along a corridor that reach so near to standing still may be none, metres."""
 
 
 def as_measurement(result: MatchResult) -> UncertainPose:
@@ -60,30 +50,17 @@ def is_vague_along(expected: UncertainPose, result: MatchResult) -> bool:
 
 def has_unguided_pose(result: MatchResult) -> bool:
     """Return whether a degenerate match shows by itself where the scans agree best along its degenerate direction."""
-    assessed = _assessed(result)
-    return assessed is not None and not result.is_guess_decisive and _has_one_best(assessed)
+    return not result.is_guess_decisive and _is_placed(result.candidates[0])
 
 
 def unguided_measurement(result: MatchResult) -> UncertainPose | None:
     """Return what a match says along its degenerate direction too, None where it does not."""
-    assessed = _assessed(result)
-    if not result.ok or assessed is None or assessed.assessment is None:
+    if not result.ok:
         return None
     if result.degenerate_direction is None:
         return UncertainPose(result.pose, result.covariance)
-    if _has_one_best(assessed):
-        return _unguided(assessed)
-    direction = result.degenerate_direction
-    is_shift = bool(np.hypot(*direction[:2]) > _LEAST_SHIFT)
-    if assessed.is_degenerate[1:].any() or not is_shift or assessed.assessment.information[0] < 0.0:
-        return None
-    # a bare corridor fits best where it is laid over itself, as if the sensor stood still
-    places = assessed.poses[[0, *assessed.ties], :2] @ direction[:2]
-    if places.min() < _MOVED and places.max() > -_MOVED:
-        return None
-    # one of several places: their mean square distance from the best
-    spread = float(np.mean((places - places[0]) ** 2))
-    return _unguided(assessed, replace(_FLAT, degenerate_sigma=math.sqrt(_FLAT_SIGMA**2 + spread)))
+    best = result.candidates[0]
+    return UncertainPose(best.pose, best.covariance) if _is_placed(best) else None
 
 
 def decided_by_expectation(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> MatchResult:
@@ -91,42 +68,33 @@ def decided_by_expectation(result: MatchResult, expected: UncertainPose, config:
 
     Without a guess such a pose would be one of several, or chance. Of scans of one place in a row it is right.
     """
-    assessed = _assessed(result)
-    if result.ok or assessed is None or assessed.assessment is None or assessed.support is None:
+    if result.ok or not result.candidates or not result.score >= config.expected_score:
         return result
-    if not assessed.scores[0] >= config.expected_score or assessed.is_degenerate[1:].any():
+    best, *others = result.candidates
+    direction, near = best.degenerate_direction, best.covariance
+    if _n_known(best) < (3 if direction is None else 2):
         return result
-    is_open = bool(assessed.is_degenerate[0])
-    is_known = not is_open or _has_one_best(assessed)
-    pose, cov = _unguided(assessed, _FLAT if is_known else InformationConfig())
-    decided = replace(
+    if direction is not None and not _is_placed(best):
+        near = near - (1.0 - _NEAR**2) * np.outer(direction, direction)
+    if fuse(expected, UncertainPose(best.pose, near))[1] > config.motion_gate_chi2:
+        return result
+    odds = (-best.log_odds, *(other.log_odds - best.log_odds for other in others))
+    return replace(
         result,
         outcome=Outcome.MATCHED,
-        pose=pose,
-        covariance=cov,
-        n_matched=assessed.assessment.n_inliers,
-        degenerate_direction=assessed.assessment.weakest if is_open else None,
-        confidence=assessed.support.confidence,
+        pose=best.pose,
+        covariance=best.covariance,
+        n_matched=best.n_matched,
+        degenerate_direction=direction,
+        confidence=1.0 / (1.0 + sum(math.exp(min(value, _MAX_LOG_ODDS)) for value in odds)),
     )
-    # one far along an open direction was compared where the sensor is not
-    distance = fuse(expected, _unguided(assessed, _FLAT if is_known else _NEAR))[1]
-    return decided if distance <= config.motion_gate_chi2 else result
 
 
-def _assessed(result: MatchResult) -> AssessedPose | None:
-    return result.trace.assessed if isinstance(result.trace, CurvescanTrace) else None
+def _n_known(best: Candidate) -> int:
+    """Return along how many directions the scans measure a candidate."""
+    return int(np.linalg.matrix_rank(best.information, tol=_OPEN**-2, hermitian=True))
 
 
-def _has_one_best(assessed: AssessedPose) -> bool:
-    """Return whether the readings fix the pose, if only just along one direction, and no other along it is as good."""
-    assessment = assessed.assessment
-    if assessment is None or assessed.ties or assessed.is_degenerate[1:].any():
-        return False
-    return not assessment.is_open[0]
-
-
-def _unguided(assessed: AssessedPose, config: InformationConfig = _FLAT) -> UncertainPose:
-    """Return the pose that the scans agree on best, wherever a guess is."""
-    assert assessed.assessment is not None
-    cov = assessed.assessment.covariance(assessed.is_degenerate, config)
-    return UncertainPose(assessed.poses[0], cov)
+def _is_placed(best: Candidate) -> bool:
+    """Return whether the scans measure all of a candidate: along a degenerate direction by its best place."""
+    return _n_known(best) == len(best.pose)

@@ -35,8 +35,8 @@ _SENSOR: dict[str, Any] = {"marker": (3, 0, -90), "color": PATH, "ms": 8.0, "ls"
 
 def save_match(
     folder: Path, result: MatchResult, *, scans: tuple[LaserScan, LaserScan], names: tuple[str, str], cfsma: CfSmaConfig
-) -> None:
-    """Write segments.png, curvature.png, matched.png and match.json of a match into a folder."""
+) -> dict[str, Any]:
+    """Write segments.png, curvature.png, matched.png and match.json of a match into a folder; return the last."""
     paper = result if result.method == "cfsma" else match(*scans, method="cfsma", config=cfsma)
     trace = paper.trace
     assert isinstance(trace, CfSmaTrace)
@@ -44,7 +44,7 @@ def save_match(
     draw_curvature(folder / "curvature.png", trace, names, cfsma.landmarks.min_curvature)
     draw_matched(folder / "matched.png", result, scans, names)
     weak = result.degenerate_direction
-    record = {
+    record: dict[str, Any] = {
         "curvescan": __version__,
         "reference": names[0],
         "current": names[1],
@@ -63,6 +63,7 @@ def save_match(
             "readings_current": count_gates(trace.gates_current),
         }
     (folder / "match.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8", newline="\n")
+    return record
 
 
 def draw_segments(path: Path, trace: CfSmaTrace, names: tuple[str, str]) -> None:

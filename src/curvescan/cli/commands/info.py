@@ -6,6 +6,7 @@ import json as json_format
 import math
 import sys
 import textwrap
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
@@ -26,7 +27,6 @@ from curvescan.cli.options import (
 if TYPE_CHECKING:
     from curvescan.diagnostics.inspect import LogReport
     from curvescan.diagnostics.issues import Issue
-    from curvescan.matchers.cfsma.trace import CfSmaTrace
 
 _INDENT, _LEAST_WIDTH = 19, 30  # columns of names, and of text at least
 
@@ -246,14 +246,14 @@ def match(
     from curvescan import match as match_scans
     from curvescan.cli.console import OUT
     from curvescan.io import output_folder, pick_scans
-    from curvescan.matchers.cfsma.trace import CfSmaTrace
     from curvescan.plots.match import save_match
 
     source, out = reading.open(log), results_folder(out, log, "match")
     reference, current = pick_scans(source, (i, j))
     with output_folder(out) as folder:
         result = match_scans(reference, current, method=matching.method, config=matching.matcher)
-        save_match(folder, result, scans=(reference, current), names=(f"scan {i}", f"scan {j}"), cfsma=matching.cfsma)
+        names = (f"scan {i}", f"scan {j}")
+        record = save_match(folder, result, scans=(reference, current), names=names, cfsma=matching.cfsma)
     OUT.print(f"{source.name}: scan {j} seen from scan {i}: {result.outcome.value}")
     if result.ok:
         x, y, theta = result.pose
@@ -265,19 +265,17 @@ def match(
     if result.degenerate_direction is not None:
         dx, dy, dtheta = result.degenerate_direction
         OUT.print(f"  not fixed along x {dx:+.2f} m, y {dy:+.2f} m, theta {dtheta:+.2f} rad")
-    if isinstance(result.trace, CfSmaTrace):
-        _show_gates(result.trace, i, j)
+    if "readings_reference" in record:
+        _show_gates(record["readings_reference"], record["readings_current"], names)
     OUT.print(f"wrote {out}/segments.png, curvature.png, matched.png, match.json")
     return 0 if result.ok else 3
 
 
-def _show_gates(trace: CfSmaTrace, i: int, j: int) -> None:
+def _show_gates(in_reference: Mapping[str, int], in_current: Mapping[str, int], names: tuple[str, str]) -> None:
     from curvescan.cli.console import OUT, table
-    from curvescan.matchers.cfsma.trace import Gate, count_gates
+    from curvescan.matchers.cfsma.trace import Gate
 
-    gates = table("What became of the readings", "", f"scan {i}", f"scan {j}", "decided by")
-    in_reference = count_gates(trace.gates_reference)
-    in_current = count_gates(trace.gates_current)
+    gates = table("What became of the readings", "", *names, "decided by")
     for gate in Gate:
         name = gate.name.lower()
         gates.add_row(gate.sentence, f"{in_reference[name]}", f"{in_current[name]}", gate.parameter)

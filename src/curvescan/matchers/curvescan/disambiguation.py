@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -16,6 +17,7 @@ from curvescan.matchers.curvescan.assessment.assessment import (
 )
 from curvescan.matchers.curvescan.assessment.bare_box import is_in_box
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
+from curvescan.matchers.curvescan.assessment.information import covariance
 from curvescan.matchers.curvescan.assessment.support import Support, support_of
 from curvescan.matchers.curvescan.candidates import RefinedCandidates, competing_hypotheses, direction_of_walls
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
@@ -39,6 +41,9 @@ _DIRECTION_SIGMA = 0.003  # standard deviation of a degenerate direction, radian
 # bare corridor have less in common than they seem to where they are laid over each other.
 _SHARE = 0.7
 
+
+_LEAST_SHIFT = 0.5
+"""Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn."""
 
 _MAX_CANDIDATES = 8
 
@@ -202,33 +207,59 @@ def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> t
     return pose, assessment, cov
 
 
-def competing_poses(problem: Problem, assessed: AssessedPose) -> tuple[Candidate, ...]:
+def competing_poses(problem: Problem, assessed: AssessedPose, verdict: Verdict) -> tuple[Candidate, ...]:
     """Return the best pose and its competing hypotheses, the most likely first, each with what the scans say there."""
     support, first = assessed.support, assessed.assessment
     if support is None or first is None:
         return ()
-    information = assessed.information
-    if assessed.is_degenerate[0] and has_one_best(assessed):
-        along = first.axes[:, 0] / first.units
-        information = information + np.outer(along, along) / problem.config.information.max_sigma**2
-    best = Candidate(pose=assessed.poses[0], log_odds=support.log_odds, information=information.copy())
+    direction = (verdict.assessment or first).weakest
+    sigma = sigma_along(problem, assessed, first, direction) if assessed.is_degenerate[0] else None
+    best = _candidate(problem, assessed.poses[0], support.log_odds, first, assessed.is_degenerate, sigma)
     rows = sorted(support.rivals, key=lambda row: -support.rivals[row])[: _MAX_CANDIDATES - 1]
-    return (best, *(_candidate(problem, assessed, row, support.log_odds + support.rivals[row]) for row in rows))
+    return (best, *(_rival(problem, assessed.poses[row], support.log_odds + support.rivals[row]) for row in rows))
 
 
-def has_one_best(assessed: AssessedPose) -> bool:
-    """Return whether the readings fix the pose, one direction only just, and no other pose along it is as good."""
-    assessment = assessed.assessment
-    if assessment is None or assessed.ties or assessed.is_degenerate[1:].any():
-        return False
-    return not assessment.is_open[0]
+def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, direction: Pose) -> float | None:
+    """Return how well the best place along the direction that the scans leave open is known, metres; None for not.
+
+    Without a guess one of several places counts by how far they lie apart.
+    """
+    rules = problem.config.information
+    if assessed.is_degenerate[1:].any():
+        return None
+    if not assessed.ties and not first.is_open[0]:
+        return rules.max_sigma
+    if problem.guess is not None or math.hypot(*direction[:2]) <= _LEAST_SHIFT or first.information[0] < 0.0:
+        return None
+    # a bare corridor fits best where it is laid over itself, as if the sensor stood still
+    places, step = assessed.poses[[0, *assessed.ties], :2] @ direction[:2], problem.config.hypotheses.along_step
+    if places.min() < step and places.max() > -step:
+        return None
+    return math.sqrt(rules.max_sigma**2 + float(np.mean((places - places[0]) ** 2)))
 
 
-def _candidate(problem: Problem, assessed: AssessedPose, row: int, log_odds: float) -> Candidate:
-    ref, cur, _, config = problem
-    pose = assessed.poses[row]
-    found = assess_pose(ref, cur, pose, config)
-    return Candidate(pose=pose, log_odds=log_odds, information=found.information_matrix(found.is_open))
+def _rival(problem: Problem, pose: Pose, log_odds: float) -> Candidate:
+    found = assess_pose(problem.reference, problem.current, pose, problem.config)
+    return _candidate(problem, pose, log_odds, found, found.is_open, None)
+
+
+def _candidate(
+    problem: Problem, pose: Pose, log_odds: float, found: Assessment, is_open: Bools, sigma: float | None
+) -> Candidate:
+    """Return a candidate; sigma: of its best place along the weakest direction, metres, where there is one."""
+    information = found.information_matrix(is_open)
+    if sigma is not None:
+        along = found.axes[:, 0] / found.units
+        information = information + np.outer(along, along) / sigma**2
+    width = problem.config.information.degenerate_sigma if sigma is None else sigma
+    return Candidate(
+        pose=pose,
+        log_odds=log_odds,
+        information=information,
+        covariance=covariance(found.information, found.axes, found.units, is_open, width),
+        degenerate_direction=found.weakest if is_open[0] else None,
+        n_matched=found.n_inliers,
+    )
 
 
 def nearest_of_ties(guess: Pose | None, poses: Floats, scores: Floats, rows: list[int]) -> Pose:

@@ -98,7 +98,7 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
         score=_score(scores[:1]),
         runner_up=_score(scores[1:]),
         confidence=verdict.confidence,
-        candidates=competing_poses(problem, assessed),
+        candidates=competing_poses(problem, assessed, verdict),
         information=_information(verdict, assessed),
         is_guess_decisive=assessed.is_guess_decisive and assessment is not None,
     )
