@@ -203,7 +203,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "cli": (2646, 15, 0),
     "diagnostics": (2024, 57, 0),
     "evaluation": (860, 15, 0),
-    "io": (6210, 38, 0),
+    "io": (6202, 38, 0),
     "live": (2944, 41, 0),
     "mapping": (853, 17, 8),
     "matchers": (669, 5, 0),
@@ -217,7 +217,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "runs/batch": (1938, 5, 0),
     "se2": (387, 0, 0),
     "simulation": (2073, 156, 0),
-    "slam": (5711, 116, 37),
+    "slam": (5709, 116, 37),
 }
 """Lines, tuned numbers and config fields that a room may have: they go down, and this table with them."""
 
