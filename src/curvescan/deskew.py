@@ -1,4 +1,4 @@
-"""Deskew: turn a sweep that was taken on the move into one that is seen from the middle of the sweep.
+"""Deskew: change a sweep that was taken on the move into what the sensor sees from the middle of the sweep.
 
 Each reading is moved to where the sensor would see it from there, by half a sweep at most, so that an error of the
 velocity mostly cancels in a match. The beams keep their order and their number. A reading that comes to lie behind a

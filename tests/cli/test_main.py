@@ -467,3 +467,17 @@ def test_what_could_not_be_read_is_told_by_the_run(log, tmp_path, capsys):
     log.write_text(log.read_text() + "FLASER 361 1.0 1.0")
     assert run(["odometry", str(log), "--out", str(tmp_path / "o")]) == 0
     assert "cut short" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize("is_threaded", [False, True])
+def test_a_process_ends_with_its_clean_ups_done_and_its_threads_over(is_threaded: bool) -> None:
+    thread = "threading.Thread(target=lambda: (time.sleep(0.5), print('thread over'))).start()"
+    code = (
+        "import atexit, sys, threading, time; from curvescan.cli.main import main; "
+        "atexit.register(print, 'cleaned up');"
+        f"{thread * is_threaded or 'pass'}; sys.argv = ['curvescan', 'info', 'missing.clf']; main()"
+    )
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=buffered)
+    assert ended.returncode == 1
+    assert ended.stdout.split("\n") == [*["thread over"] * is_threaded, "cleaned up", ""]

@@ -111,7 +111,7 @@ class LogReport:
 
     @property
     def is_usable(self) -> bool:
-        """Whether a motion can be looked for: at least two scans with a valid reading."""
+        """Whether motion can be estimated: at least two scans have a valid reading."""
         return self.n_scans - self.n_blank_scans >= 2
 
 

@@ -117,7 +117,7 @@ class Evidence:
 
     @property
     def is_guessed(self) -> bool:
-        """Whether the motion along one direction is what is usual in many scans, where no wheels tell it."""
+        """Whether many scans leave a direction unobservable, and no wheels are used: the motion is guessed."""
         return self.motion != "used" and self.open_share > MAX_OPEN_SHARE
 
     @property

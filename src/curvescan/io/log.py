@@ -122,7 +122,7 @@ class ScanAccess:
 
 
 class LogView(ScanAccess):
-    """A log seen through another: it says what the log below says, but for what a subclass says anew."""
+    """A log seen through another: a subclass changes some of what the log below says."""
 
     def __init__(self, log: Log) -> None:
         self._log = log

@@ -24,7 +24,7 @@ _AS_GOOD = 0.97
 
 
 def moved(grid: OccupancyGrid, pose: ArrayLike = (0.0, 0.0, 0.0), resolution: float | None = None) -> OccupancyGrid:
-    """Return a map whose frame lies at a pose of the new one, in cells whose corners are multiples of their side."""
+    """Return a map moved to a pose in the new frame, in cells whose corners are multiples of their side."""
     config = grid.config if resolution is None else replace(grid.config, resolution=resolution)
     pose = np.asarray(pose, dtype=np.float64)
     return _sampled(grid, pose, config, *_box(grid, pose, config.resolution))
@@ -89,7 +89,7 @@ def overlaid(one: OccupancyGrid, other: OccupancyGrid) -> tuple[OccupancyGrid, O
 
 
 def joined(one: OccupancyGrid, other: OccupancyGrid) -> OccupancyGrid:
-    """Return two maps of one frame as one: occupied where either is, else free where either is."""
+    """Return two maps of one frame as one: occupied where either map is, else free where either map is."""
     one, other = overlaid(one, other)
     is_known = other.is_occupied | ((one.log_odds == 0.0) & other.is_free)
     return replace(one, log_odds=np.where(is_known & ~one.is_occupied, other.log_odds, one.log_odds))

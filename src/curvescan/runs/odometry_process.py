@@ -39,7 +39,7 @@ def can_run_ahead(n_scans: int) -> bool:
 class OdometryProcess:
     """The odometry of a log in a process of its own; :meth:`place` a log and iterate once, inside ``with``.
 
-    Its steps are those of the odometry here but for the traces of their matches, which are not carried over.
+    Its steps equal those of the odometry in this process, but have no traces of their matches.
     """
 
     odometry: Odometry  # what was given to :meth:`place`; at the end of the iteration the one that has placed all scans

@@ -34,7 +34,7 @@ from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, Views, is_same, said
 from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.map import SlamMap
-from curvescan.slam.pose_graph.relative import between_steps
+from curvescan.slam.pose_graph.relative import UNMEASURED, between_steps
 from curvescan.types import Cov, Points
 
 _SEARCHED = np.diag(np.square([0.5 * STEP_M, 0.5 * STEP_M, 0.06]))
@@ -45,8 +45,6 @@ _LEAST_FIT, _WORSE_FIT = 0.2, 0.05
 
 _NOWHERE = UncertainPose(np.full(3, np.nan), np.full((3, 3), np.nan))
 """The pose of a sensor that is searched for."""
-
-_UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 
 
 class Localizer:
@@ -139,7 +137,7 @@ class Localizer:
         """
         step = self.odometry.add(scan, odometry_pose)
         self._deskewer = self._deskewer.ticked(scan)
-        is_unmeasured = step.outcome in _UNMEASURED
+        is_unmeasured = step.outcome in UNMEASURED
         self._n_lost = self._n_lost + 1 if is_unmeasured else 0
         is_doubtful = step.match is not None and not is_confident(step.match, self.config)
         is_doubtful |= is_unmeasured

@@ -22,7 +22,7 @@ from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
-from curvescan.odometry.step import Step, StepOutcome
+from curvescan.odometry.step import Step
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.backend import Backend
@@ -32,11 +32,9 @@ from curvescan.slam.loops.audit import Contradiction
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.open_drive import OpenDrive
-from curvescan.slam.pose_graph.relative import between_steps
+from curvescan.slam.pose_graph.relative import UNMEASURED, between_steps
 from curvescan.slam.records import Records
 from curvescan.types import Ints, Pose
-
-_UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 
 
 class Slam:
@@ -119,7 +117,7 @@ class Slam:
         if self._origin is None:
             seen = self._begin_fragment(scan, step, np.zeros(3))
         else:
-            is_lost = step.outcome in _UNMEASURED and not step.is_driven
+            is_lost = step.outcome in UNMEASURED and not step.is_driven
             self._n_lost = self._n_lost + 1 if is_lost else 0
             self._n_most_lost = max(self._n_most_lost, self._n_lost)
             seen = self._open_drive.known(between_steps(self._origin, step))

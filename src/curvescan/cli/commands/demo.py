@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import tyro
 
 from curvescan.cli.options import SensorName, SlamFlags, SlamRules, WorldName
 from curvescan.io.datasets import DATASETS
-
-if TYPE_CHECKING:
-    from curvescan.simulation.recording import Simulation
-
 
 DatasetName: TypeAlias = Annotated[str | None, tyro.conf.arg(metavar="NAME")]
 
@@ -54,19 +49,12 @@ def demo(
     """
     if log is not None:
         return _map_public_log(log, out, rules)
-    from curvescan import simulate
-    from curvescan.cli.console import ERR
-
-    def simulated() -> Simulation:
-        with ERR.status("simulating"):
-            return simulate(world, sensor=sensor, n_scans=scans, n_people=people, seed=seed)
-
-    return _map_simulation(simulated, out, rules)
+    return _map_simulation(out, rules, world=world, sensor=sensor, n_scans=scans, n_people=people, seed=seed)
 
 
-def _map_simulation(simulated: Callable[[], Simulation], out: Path, rules: SlamFlags) -> int:
-    from curvescan import run
-    from curvescan.cli.console import OUT, run_display
+def _map_simulation(out: Path, rules: SlamFlags, **options: Any) -> int:
+    from curvescan import run, simulate
+    from curvescan.cli.console import ERR, OUT, run_display
     from curvescan.cli.summary import errors_of, report
     from curvescan.io import output_folder
     from curvescan.plots.map import draw_side_by_side
@@ -74,7 +62,8 @@ def _map_simulation(simulated: Callable[[], Simulation], out: Path, rules: SlamF
 
     matching = rules.matching
     with output_folder(out) as folder:  # first of all: a place that cannot be written costs no work
-        simulation = simulated()
+        with ERR.status("simulating"):
+            simulation = simulate(**options)
         truth = simulation.truth.poses
         with run_display() as display:
             result = run(

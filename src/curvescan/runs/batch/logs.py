@@ -123,7 +123,7 @@ def _matches(names: Sequence[str], patterns: Sequence[str]) -> bool:
 
 
 def name_folders(logs: Sequence[str], known: dict[str, str], reserved: Sequence[str] = ()) -> dict[str, str]:
-    """Return the name of the results' folder of each log: the log's own, with folders above it where it is taken."""
+    """Return the name of each log's results folder: the log's name, after its parent folders' where that is taken."""
     taken = {name.casefold() for name in (*known.values(), *reserved)}
     folders: dict[str, str] = {}
     for log in logs:

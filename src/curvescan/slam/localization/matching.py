@@ -19,7 +19,7 @@ from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.field import DistanceField
 from curvescan.slam.localization.map_precision import MapPrecision
-from curvescan.slam.loops.closures import is_confident, measured
+from curvescan.slam.loops.closures import is_certain, is_confident, measured
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Points, Pose
@@ -115,8 +115,7 @@ class MapMatcher:
 
     def is_open(self, here: UncertainPose) -> bool:
         """Return whether a direction of a pose is not known well enough."""
-        variance = float(max(here.cov[0, 0], here.cov[1, 1]))
-        return variance > self._config.closures.certain_m**2
+        return not is_certain(here, self._config)
 
     def _is_held(self, points: Points, place: Pose, here: UncertainPose) -> bool:
         """Return whether the map agrees less with a scan that is shifted along what a pose leaves open."""

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.odometry.step import Step
+from curvescan.odometry.step import Step, StepOutcome
 from curvescan.se2.uncertain import UncertainPose, between
+
+UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
+"""Outcomes of steps whose motion no match measured."""
 
 
 def between_steps(origin: Step, step: Step) -> UncertainPose:
