@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from array import array
-from dataclasses import dataclass, field
+from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.io.ros.bags.bag import Bag, Message
 from curvescan.io.ros.messages import IMU, ODOMETRY, TRANSFORMS, shown, stamp_of
-from curvescan.io.ros.transforms import FARTHEST, Edge, FrameTree, Transform, frame_name, planar, seven
+from curvescan.io.ros.transforms import FARTHEST, Edge, FrameTree, frame_name, planar, seven
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Floats, Pose
 
@@ -30,16 +31,6 @@ class BagOdometry:
     why_estimated: str = ""  # what says that SLAM, localization or laser odometry gave it; empty for none
 
 
-@dataclass
-class _Motion:
-    """Poses of a base in the frame of the odometry: stamp, x, y, theta, over and over."""
-
-    rows: array[float] = field(default_factory=lambda: array("d"))
-
-    def add(self, stamp: float, transform: Transform) -> None:
-        self.rows.extend((stamp, *planar(transform)))
-
-
 def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -> BagOdometry:
     """Return the odometry of a bag, from one pass over its odometry and its transforms. stamps (n,)."""
     odometry_topics = [n for n, t in bag.topics.items() if t.msgtype == ODOMETRY and t.count]
@@ -54,7 +45,7 @@ def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -
     n_broken = bag.each(topics, reader.add) if topics else 0
     if n_broken:
         notes.append(f"{n_broken:,} odometry or transform messages cannot be decoded: they are left out")
-    if reader.odometry.rows:
+    if reader.odometry:
         edge, motion, source = reader.odometry_edge, reader.odometry, shown(chosen or "")
     else:
         base = _nearest_base(reader.tree, reader.motions, frame_name(frame))
@@ -62,7 +53,7 @@ def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -
             return BagOdometry(notes=tuple(notes))
         edge, motion = base, reader.motions[base]
         source = f"transforms {shown(edge[0])} to {shown(edge[1])}"
-    poses = _at(stamps, np.array(motion.rows).reshape(-1, 4))
+    poses = _at(stamps, np.array(motion).reshape(-1, 4))
     if np.all(np.isnan(poses)):
         notes.append(f"odometry from {source} does not cover the time of any scan: it is left out")
         return BagOdometry(notes=tuple(notes))
@@ -92,9 +83,10 @@ class _Reader:
     def __init__(self, *, is_unstamped: bool) -> None:
         self._is_unstamped = is_unstamped
         self.tree = FrameTree()
-        self.odometry = _Motion()
+        # poses of a base in the frame of the odometry: stamp, x, y, theta, over and over
+        self.odometry = array("d")
         self.odometry_edge: Edge = ("", "")
-        self.motions: dict[Edge, _Motion] = {}
+        self.motions: dict[Edge, array[float]] = {}
         self.has_covariance = False
 
     def add(self, message: Message, decoded: Any) -> None:
@@ -103,11 +95,11 @@ class _Reader:
 
     def _add_odometry(self, message: Message, decoded: Any) -> None:
         pose = decoded.pose.pose
-        if not self.odometry.rows:
+        if not self.odometry:
             self.odometry_edge = (frame_name(decoded.header.frame_id), frame_name(decoded.child_frame_id))
         self.has_covariance |= bool(decoded.pose.covariance[0] > 0.0)
         stamp = _time_of(message, decoded.header, is_unstamped=self._is_unstamped)
-        self.odometry.add(stamp, seven(pose.position, pose.orientation))
+        self.odometry.extend((stamp, *planar(seven(pose.position, pose.orientation))))
 
     def _add_transforms(self, message: Message, decoded: Any) -> None:
         for item in decoded.transforms:
@@ -116,7 +108,7 @@ class _Reader:
             self.tree.add(edge, transform)
             if "odom" in edge[0].rpartition("/")[2] and edge in self.tree.transforms:
                 stamp = _time_of(message, item.header, is_unstamped=self._is_unstamped)
-                self.motions.setdefault(edge, _Motion()).add(stamp, transform)
+                self.motions.setdefault(edge, array("d")).extend((stamp, *planar(transform)))
 
 
 def _time_of(message: Message, header: Any, *, is_unstamped: bool) -> float:
@@ -130,7 +122,7 @@ def _choose(topics: list[str]) -> str | None:
     return next((name for name in topics if name.strip("/") == "odom"), None)
 
 
-def _nearest_base(tree: FrameTree, motions: dict[Edge, _Motion], frame: str) -> Edge | None:
+def _nearest_base(tree: FrameTree, motions: Collection[Edge], frame: str) -> Edge | None:
     """Return the odometry edge that leads to the laser on the shortest way, or else to a usual base."""
     ways = {edge: tree.path(edge[1], frame, avoid=edge[0]) for edge in motions}
     reaching = [edge for edge, way in ways.items() if way is not None]

@@ -16,8 +16,9 @@ from curvescan.matchers.curvescan.assessment.assessment import Assessment, asses
 from curvescan.matchers.curvescan.assessment.confidence import GUESSED_REPETITION, WeighedPoses, weigh
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import SAME, CurvescanConfig
-from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.features import N_WIDE, CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
+from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
 from curvescan.matchers.curvescan.pose_difference import distance
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, FINE, select
@@ -120,8 +121,7 @@ def search_degenerate_direction(
 def _finish(
     ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig
 ) -> tuple[Floats, Floats]:
-    wide = ref.wide_image.samples, cur.wide_image.samples
-    return finish(poses, ref.image, cur.image, wide, config.refinement.closer_schedule, EXACTLY, _FINISH)
+    return finish(poses, ref.image, cur.image, N_WIDE, config.refinement.closer_schedule, EXACTLY, _FINISH)
 
 
 @kernel
@@ -129,7 +129,7 @@ def finish(
     poses: Floats,
     ref: RangeImage,
     cur: RangeImage,
-    wide: tuple[Floats, Floats],
+    n_wide: int,
     closer: Floats,
     full: Floats,
     limits: tuple[float, float, int, int, float],
@@ -137,8 +137,8 @@ def finish(
     """Return poses refined on all readings, best first, and their scores; limits: the arguments of `select`."""
     final = refine_fully(poses, ref, cur, closer, full)
     if len(poses) > 1:  # one pose has only to be enough; several are compared on more samples
-        ref = RangeImage(samples=wide[0], surfels=ref.surfels, azimuth=ref.azimuth, table=ref.table)
-        cur = RangeImage(samples=wide[1], surfels=cur.surfels, azimuth=cur.azimuth, table=cur.table)
+        ref = RangeImage(choose_samples(ref.surfels, n_wide), ref.surfels, ref.azimuth, ref.table)
+        cur = RangeImage(choose_samples(cur.surfels, n_wide), cur.surfels, cur.azimuth, cur.table)
     tolerance, slope, n_kept, n_first, min_difference = limits
     return select(final, ref, cur, tolerance, slope, n_kept, n_first, min_difference)
 

@@ -23,10 +23,7 @@ def distance(a: Pose, b: Pose) -> float:
 
 
 def is_along(direction: Pose, pose: Pose, other: Pose, tolerance: float) -> bool:
-    """Return whether a motion that starts in a direction and keeps to it passes another pose.
-
-    direction (3,); pose, other (3,).
-    """
+    """Return whether a motion that starts in a (3,) direction and keeps to it passes another pose."""
     x, y, theta = difference(other, pose)
     dx, dy, turn = direction.tolist()
     length = math.hypot(dx, dy)

@@ -137,10 +137,7 @@ def solve(system: Floats, damping: float) -> tuple[float, float, float]:
 
 @kernel
 def refine(poses: Floats, ref: RangeImage, cur: RangeImage, sigmas: Floats) -> Floats:
-    """Return (h, 3) refined poses.
-
-    poses (h, 3); sigmas (n,).
-    """
+    """Return (h, 3) refined poses, with an iteration for each of (n,) sigmas."""
     refined = poses.copy()
     system = np.empty(N_SUMS)
     placed = np.empty((3, max(ref.samples.shape[0], cur.samples.shape[0])))

@@ -19,7 +19,7 @@ from curvescan.matchers.curvescan.features.surfels import fit_lines, fit_surfels
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Floats, Ints
 
-_N_WIDE = 192  # readings of each scan where poses that are nearly as good as each other are compared
+N_WIDE = 192  # readings of each scan where poses that are nearly as good as each other are compared
 _NOISY = 0.02  # range noise, metres, from which on segments and lines are found anew with it
 # Growth of `jump` for each metre of range noise above that; power of the noise with which `arm` grows: from two thirds
 # on the directions of lines are known as well as with less noise.
@@ -34,8 +34,6 @@ class CurvescanFeatures(NamedTuple):
     bounds: Ints  # (s + 1,): surface k is readings bounds[k]:bounds[k + 1]
     objects: Objects  # surfaces that may move as one
     image: RangeImage  # the readings and the lines through them, and which reading stands in which direction
-    wide_image: RangeImage  # the same with more samples, to compare poses that are nearly as good as each other
-    full_image: RangeImage  # the same with all readings as samples
     keypoints: Floats  # (k, 5): corners and ends of surfaces; columns as in keypoints.py
     directions: Floats  # (120,): length of surface that faces each direction
 
@@ -43,6 +41,16 @@ class CurvescanFeatures(NamedTuple):
     def sigma(self) -> float:
         """Range noise of the scan, metres."""
         return float(self.image.azimuth[SIGMA])
+
+    @property
+    def wide_image(self) -> RangeImage:
+        """The image with more samples, to compare poses that are nearly as good as each other."""
+        return self.image._replace(samples=choose_samples(self.image.surfels, N_WIDE))
+
+    @property
+    def full_image(self) -> RangeImage:
+        """The image with all readings as samples."""
+        return self.image._replace(samples=self.image.surfels)
 
     @property
     def surfaces(self) -> Surfaces:
@@ -62,7 +70,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
     segments, keypoints = config.segments, config.keypoints
     angles = scan.angles[:0] if is_even else scan.angles
     n_slots = 0 if not is_even else max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
-    beam_idx, bounds, surfels, sigma, corners, few, more, label, is_free, is_small, directions, table = extract(
+    beam_idx, bounds, surfels, sigma, corners, few, label, is_free, is_small, directions, table = extract(
         Sweep(scan.ranges, scan.directions, scan.valid, angles, step, is_clockwise, is_closed),
         (segments.incidence_limit, segments.jump, segments.arm, segments.range_sigma_min),
         keypoints.arm_lengths,
@@ -82,8 +90,6 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
         bounds=bounds,
         objects=Objects(label, is_free, is_small),
         image=RangeImage(few, surfels, azimuth, table),
-        wide_image=RangeImage(more, surfels, azimuth, table),
-        full_image=RangeImage(surfels, surfels, azimuth, table),
         keypoints=corners,
         directions=directions,
     )
@@ -96,8 +102,8 @@ def extract(
     arms: Floats,
     min_turn: float,
     counts: tuple[int, int, int],
-) -> tuple[Ints, Ints, Floats, float, Floats, Floats, Floats, Ints, Bools, Bools, Floats, Ints]:
-    """Return beams, bounds, surfels, range noise, keypoints, samples, more samples, objects, directions and azimuths.
+) -> tuple[Ints, Ints, Floats, float, Floats, Floats, Ints, Bools, Bools, Floats, Ints]:
+    """Return beams, bounds, surfels, range noise, keypoints, samples, objects, directions and azimuths.
 
     What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
     depends on the noise, which is estimated from the lines: where it is large, segments and lines are found anew with
@@ -117,8 +123,8 @@ def extract(
     # of the readings, whose rows are short and stay in the cache, and not of the surfels
     corners = find_corners(readings, sums, bounds, arms, sigma, min_turn, max_keypoints)
     keypoints = with_ends(corners, readings, sums, bounds, arms[arms.size // 2], sweep.is_closed, max_keypoints)
-    samples, wide = choose_samples(surfels, n_samples), choose_samples(surfels, _N_WIDE)
+    samples = choose_samples(surfels, n_samples)
     table = azimuth_table(beam_idx, sweep.ranges.size, n_slots, sweep.is_clockwise, sweep.is_closed)
     label, is_free, is_small = find_objects(surfels, bounds)
     directions = direction_histogram(surfels)
-    return beam_idx, bounds, surfels, sigma, keypoints, samples, wide, label, is_free, is_small, directions, table
+    return beam_idx, bounds, surfels, sigma, keypoints, samples, label, is_free, is_small, directions, table

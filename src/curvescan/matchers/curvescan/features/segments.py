@@ -48,8 +48,6 @@ def join_grazed(ranges: Floats, directions: Points, order: Ints, breaks: Bools) 
 
     A gap between two neighbouring beams is no break where the reading before or the one after lies on one line with
     both, about as far away as they are from each other.
-
-    ranges, directions (n,); order (m,); breaks (m,).
     """
     m = order.size
     for i in range(1, m):

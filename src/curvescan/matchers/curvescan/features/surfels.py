@@ -98,9 +98,7 @@ def fit_lines(readings: Floats, bounds: Ints, arm: float, sigma_min: float) -> t
     """Return the line around each reading, their moments, and the range noise of the sweep.
 
     The noise is a low quantile (two fifths, as clutter raises many) of the residual variances of all fits, taken
-    along the beams.
-
-    fits (m, 8); sums (m + 1, 5).
+    along the beams. fits (m, 8); sums (m + 1, 5).
     """
     m = readings.shape[0]
     sums = moments(readings)
