@@ -12,6 +12,7 @@ from curvescan.matchers import DEFAULT_METHOD, MatchResult, PreparedScan, find_m
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
+from curvescan.slam.loops.open_direction import along_walls
 from curvescan.slam.loops.overlap import N_SECTORS, range_profile
 from curvescan.slam.loops.place_index import PlaceIndex, Signature, signature
 from curvescan.slam.pose_graph.rows import Rows
@@ -100,7 +101,11 @@ class Keyframes:
     def match(self, i: int, j: int, prior: UncertainPose | None) -> MatchResult:
         """Return the match of keyframe j with keyframe i, given what is known of it before."""
         reference, current = self.prepared(i), self.prepared(j)
-        return reference.matcher.match(reference.features, current.features, prior)
+        result = reference.matcher.match(reference.features, current.features, prior)
+        if result.degenerate_direction is None:
+            return result
+        seen = reference.scan.points[reference.scan.valid]
+        return replace(result, degenerate_direction=along_walls(seen, result.degenerate_direction))
 
     def prepare(self, scan: LaserScan) -> PreparedScan:
         """Return any scan ready to be matched with keyframes."""
