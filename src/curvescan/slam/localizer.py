@@ -34,7 +34,7 @@ from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, Views, is_same, said
 from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.map import SlamMap
-from curvescan.slam.pose_graph.relative import UNMEASURED, between_steps
+from curvescan.slam.open_drive import UNMEASURED, between_steps
 from curvescan.types import Cov, Points
 
 _SEARCHED = np.diag(np.square([0.5 * STEP_M, 0.5 * STEP_M, 0.06]))
