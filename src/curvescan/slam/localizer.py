@@ -34,7 +34,7 @@ from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, Views, said
 from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.map import SlamMap
-from curvescan.slam.pose_graph.relative import UNMEASURED, between_steps
+from curvescan.slam.open_drive import UNMEASURED, between_steps
 
 _SEARCHED = np.diag(np.square([0.5 * STEP_M, 0.5 * STEP_M, 0.06]))
 """Covariance of a pose that the search found, as a guess for matches: metres and radians."""
