@@ -77,7 +77,7 @@ class Localizer:
         rules = as_config(config, SlamConfig(), hint=hint)
         slam_map, field, self.config = with_field(opened(slam_map), rules)
         self.map = slam_map
-        self.method, self._matcher, self._n_tried = method, matcher, n_tried
+        self.method, self._matcher = method, matcher
         n_prepared = max(self.config.keyframes.n_prepared, len(slam_map))
         self._keyframes = Keyframes(method, matcher, n_prepared)
         for k, scan in enumerate(slam_map.scans):
@@ -173,10 +173,9 @@ class Localizer:
                 return self._at(step, StepOutcome.SEARCHING)
         self._is_torn = False
         scan = self._deskewed(scan, step)
-        similar = self._matching.similar(scan, self._n_tried)
-        views = self._views_of(scan, prior=self._prior, before=before, matched=similar)
+        views = self._views_of(scan, prior=self._prior, before=before)
         self._views = views, step
-        hits = self._confirmed(scan, views.winner, similar)
+        hits = self._confirmed(scan, views.winner)
         return self._take(step, StepOutcome.FOUND, fused(hits), hits) if hits else self._at(step, StepOutcome.SEARCHING)
 
     def _track(self, scan: LaserScan, step: Step, here: UncertainPose, anchor: Step) -> Step:
@@ -210,15 +209,13 @@ class Localizer:
             return self._look(scan, step)
         return self._at(step, StepOutcome.PREDICTED, expected)
 
-    def _confirmed(self, scan: LaserScan, place: Place | None, similar: Sequence[Hit] = ()) -> list[Hit]:
+    def _confirmed(self, scan: LaserScan, place: Place | None) -> list[Hit]:
         """Return matches that put a scan at a place; none where they leave a direction open."""
         if place is None:
             return []
         matching, points = self._matching, points_of(scan)
         searched = UncertainPose(place.pose, _SEARCHED)
         found, _ = matching.around(scan, searched)
-        tried = {hit.keyframe for hit in found}
-        found += [hit for hit in similar if hit.keyframe not in tried and is_same(place.pose, hit.here.pose)]
         if not found:
             return []
         hits = matching.settled(points, matching.held(points, searched, found))
@@ -229,12 +226,7 @@ class Localizer:
         return [] if is_worse or matching.is_open(here) or not is_same(place.pose, here.pose) else hits
 
     def _views_of(
-        self,
-        scan: LaserScan,
-        *,
-        prior: Prior | None = None,
-        before: tuple[Views, UncertainPose] | None = None,
-        matched: Sequence[Hit] = (),
+        self, scan: LaserScan, *, prior: Prior | None = None, before: tuple[Views, UncertainPose] | None = None
     ) -> Views:
         """Return what a scan says of places in the whole map; of a large one near the keyframes most like it."""
         similarity = None
@@ -242,7 +234,7 @@ class Localizer:
             keyframes = self._keyframes
             seen = keyframes.signature(keyframes.prepare(scan))
             similarity = keyframes.index.most_similar(seen, len(keyframes))
-        return self._search.look(points_of(scan), prior=prior, before=before, similarity=similarity, matched=matched)
+        return self._search.look(points_of(scan), prior=prior, before=before, similarity=similarity)
 
     def _deskewed(self, scan: LaserScan, step: Step) -> LaserScan:
         """Return the scan as the map's keyframes are: deskewed by the motion since the one before."""
