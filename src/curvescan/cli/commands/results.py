@@ -96,7 +96,7 @@ def edit_map(
     from curvescan.cli.console import OUT
     from curvescan.io.writing import RunData, write_exports, write_pcd, write_ply
     from curvescan.slam.editing import operations
-    from curvescan.slam.editing.saving import keyframe_trajectory, map_folder
+    from curvescan.slam.editing.edits import keyframe_trajectory, map_folder
     from curvescan.slam.localization.grid_map import opened
 
     out = results_folder(out, file, "map")

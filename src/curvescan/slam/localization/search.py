@@ -14,7 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan import se2
+from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
+from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import (
     STEP_M,
     contour_length,
@@ -23,7 +25,7 @@ from curvescan.slam.localization.correlative import (
     refined_poses,
     thinned,
 )
-from curvescan.slam.localization.field import DistanceField
+from curvescan.slam.localization.field import DistanceField, points_of
 from curvescan.slam.localization.prior import LOG_ODDS, Prior
 from curvescan.types import Floats, Ints, Points, Pose
 
@@ -118,34 +120,29 @@ class Views:
 class MapSearch:
     """Looks for a sensor in a map.
 
-    keyframes (n, 3); n_tried: Places that are followed.
+    poses (n, 3): Of the keyframes; n_tried: Places that are followed.
     """
 
-    def __init__(self, field: DistanceField, keyframes: Pose, n_tried: int) -> None:
+    def __init__(self, field: DistanceField, poses: Pose, keyframes: Keyframes, n_tried: int) -> None:
         from scipy.spatial import cKDTree  # loads for a good part of a second
 
         self.field = field
-        self._n_tried = n_tried
+        self._keyframes, self._n_tried = keyframes, n_tried
         self._places = field.places(STEP_M, clearance=0.5 * STEP_M)
-        self._nearest: Ints = cKDTree(keyframes[:, :2]).query(self._places)[1].astype(np.int64)
+        self._nearest: Ints = cKDTree(poses[:, :2]).query(self._places)[1].astype(np.int64)
 
     def look(
-        self,
-        points: Points,
-        *,
-        prior: Prior | None = None,
-        before: tuple[Views, UncertainPose] | None = None,
-        similarity: Ints | None = None,
+        self, scan: LaserScan, *, prior: Prior | None = None, before: tuple[Views, UncertainPose] | None = None
     ) -> Views:
-        """Return what a view says of places in the map, with those before it.
+        """Return what a scan says of places in the map, with those before it.
 
-        points (m, 2); prior: Where the sensor is, as far as it is known without this view; before: Earlier views, and
-        the motion since; similarity (n,): Keyframes, those most like the view first, in large maps.
+        prior: Where the sensor is, as far as it is known without this view; before: Earlier views, and the motion
+        since.
         """
+        points = points_of(scan)
         few, contour = thinned(points), contour_length(points)
-        places = self._places if similarity is None else self._near(similarity)
         # walls alone are ended on elsewhere as well: of more poses the free space between them chooses
-        poses = likely_poses(self.field, places, few, _N_LIKELY * self._n_tried)
+        poses = likely_poses(self.field, self._places_like(scan), few, _N_LIKELY * self._n_tried)
         if prior is not None:
             near = np.ascontiguousarray(self._places[prior.is_near(self._places)])
             poses = np.concatenate((poses, likely_poses(self.field, near, few, self._n_tried)))
@@ -173,14 +170,14 @@ class MapSearch:
         area = STEP_M**2 * len(self._places)
         return np.zeros(len(poses)) if prior is None else prior.log_odds(poses, area) / LOG_ODDS
 
-    @property
-    def is_large(self) -> bool:
-        """Whether the map has too many places to try all."""
-        return len(self._places) > _N_PLACES
-
-    def _near(self, similarity: Ints) -> Points:
-        rank = np.empty(len(similarity), dtype=np.int64)
-        rank[similarity] = np.arange(len(similarity))
+    def _places_like(self, scan: LaserScan) -> Points:
+        """Return all places; of a large map those near the keyframes most like a scan."""
+        if len(self._places) <= _N_PLACES:
+            return self._places
+        keyframes = self._keyframes
+        similar = keyframes.index.most_similar(keyframes.signature(keyframes.prepare(scan)), len(keyframes))
+        rank = np.empty(len(similar), dtype=np.int64)
+        rank[similar] = np.arange(len(similar))
         order = np.argsort(rank[self._nearest], kind="stable")[:_N_PLACES]
         return np.ascontiguousarray(self._places[order])
 
