@@ -158,9 +158,9 @@ class MapSearch:
                 continue
             fit = self.field.agreement(points, pose).score
             view = said(contour, fit)
-            support = view + (earlier[k].support if k < len(earlier) else missed)
-            if likely > 0.0:  # where it was expected, it may have come back into the map with this view
-                support = max(support, view)
+            # the sensor may have come into the map with the view before, where it was expected also with this one
+            so_far = max(earlier[k].support if k < len(earlier) else missed, 0.0 if likely > 0.0 else -_MOST_AGAINST)
+            support = view + so_far
             new.append(Place(pose=pose, fit=fit, view=view, support=support, prior=likely))
         new.sort(key=lambda place: (-(place.support + place.prior), -place.fit))
         return Views(found=new[: self._n_tried], contour=contour)
