@@ -75,7 +75,7 @@ class Localizer:
         rules = as_config(config, SlamConfig(), hint=hint)
         slam_map, field, self.config = with_field(opened(slam_map), rules)
         self.map = slam_map
-        self.method, self._matcher = method, matcher
+        self.method, self._matcher, self._n_tried = method, matcher, n_tried
         n_prepared = max(self.config.keyframes.n_prepared, len(slam_map))
         self._keyframes = Keyframes(method, matcher, n_prepared)
         for k, scan in enumerate(slam_map.scans):
@@ -171,7 +171,8 @@ class Localizer:
                 return self._at(step, StepOutcome.SEARCHING)
         self._is_torn = False
         scan = self._deskewed(scan, step)
-        views = self._search.look(scan, prior=self._prior, before=before)
+        similar = self._matching.similar(scan, self._n_tried)
+        views = self._search.look(scan, prior=self._prior, before=before, matched=similar)
         self._views = views, step
         hits = self._confirmed(scan, views.winner)
         return self._take(step, StepOutcome.FOUND, fused(hits), hits) if hits else self._at(step, StepOutcome.SEARCHING)

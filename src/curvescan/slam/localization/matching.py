@@ -132,11 +132,20 @@ class MapMatcher:
                     break
         return hits, bool(overlap[order[0]] >= self._config.closures.min_overlap)
 
-    def _hit(self, k: int, current: PreparedScan, guess: Pose) -> Hit | None:
+    def similar(self, scan: LaserScan, n_tried: int) -> list[Hit]:
+        """Return matches without a guess with keyframes that look like a scan; none that leave a direction open."""
+        current = self._keyframes.prepare(scan)
+        alike = self._keyframes.index.most_similar(self._keyframes.signature(current), n_tried)
+        hits = [self._hit(k, current, None) for k in alike.tolist()]
+        return [hit for hit in hits if hit is not None]
+
+    def _hit(self, k: int, current: PreparedScan, guess: Pose | None) -> Hit | None:
         """Return where a match with a keyframe puts a scan; None where it fails or is too likely to be wrong."""
         reference = self._keyframes.prepared(k)
         result = current.matcher.match(reference.features, current.features, prior_of(None, guess))
         if not result.ok or not is_confident(result, self._config):
+            return None
+        if guess is None and result.degenerate_direction is not None:
             return None
         found = measured(result)
         found = UncertainPose(found.pose, found.cov + self._config.noise.floor)

@@ -26,6 +26,7 @@ from curvescan.slam.localization.correlative import (
     thinned,
 )
 from curvescan.slam.localization.field import DistanceField, points_of
+from curvescan.slam.localization.matching import Hit
 from curvescan.slam.localization.prior import LOG_ODDS, Prior
 from curvescan.types import Floats, Ints, Points, Pose
 
@@ -62,7 +63,7 @@ class Place:
     pose: Pose  # (3,): in the map
     fit: float  # how well the map agrees with the last view there, in [-2, 1]
     view: float  # how much the last view speaks for it
-    support: float  # the sum over the views
+    support: float  # the sum over the views, with what matches without a guess say
     prior: float = 0.0  # what was known before says of it, where the sensor is now
 
 
@@ -132,12 +133,17 @@ class MapSearch:
         self._nearest: Ints = cKDTree(poses[:, :2]).query(self._places)[1].astype(np.int64)
 
     def look(
-        self, scan: LaserScan, *, prior: Prior | None = None, before: tuple[Views, UncertainPose] | None = None
+        self,
+        scan: LaserScan,
+        *,
+        prior: Prior | None = None,
+        before: tuple[Views, UncertainPose] | None = None,
+        matched: Sequence[Hit] = (),
     ) -> Views:
         """Return what a scan says of places in the map, with those before it.
 
         prior: Where the sensor is, as far as it is known without this view; before: Earlier views, and the motion
-        since.
+        since; matched: Of the scan, without a guess.
         """
         points = points_of(scan)
         few, contour = thinned(points), contour_length(points)
@@ -150,6 +156,7 @@ class MapSearch:
         if before is not None and earlier:
             carried = se2.compose(np.array([place.pose for place in earlier]), before[1].pose)
             poses = np.concatenate((refined_poses(self.field, carried, few), poses))
+        poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
         # a place that was not among those of earlier views agreed with them no better than the least of them
         missed = min((place.support for place in earlier), default=0.0)
         new: list[Place] = []
@@ -160,7 +167,9 @@ class MapSearch:
             view = said(contour, fit)
             # the sensor may have come into the map with the view before, where it was expected also with this one
             so_far = max(earlier[k].support if k < len(earlier) else missed, 0.0 if likely > 0.0 else -_MOST_AGAINST)
-            support = view + so_far
+            # where the map has changed the walls say little, and matches with its keyframes tell
+            scores = [0.5 * hit.score for hit in matched if is_same(hit.here.pose, pose)]
+            support = view + max(scores, default=0.0) + so_far
             new.append(Place(pose=pose, fit=fit, view=view, support=support, prior=likely))
         new.sort(key=lambda place: (-(place.support + place.prior), -place.fit))
         return Views(found=new[: self._n_tried], contour=contour)
