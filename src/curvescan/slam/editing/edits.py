@@ -24,11 +24,11 @@ from curvescan.mapping.map_server import write_map
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import MatchResult, match
 from curvescan.odometry.measurement import as_measurement
-from curvescan.slam.config import SlamConfig
-from curvescan.slam.editing.graph import solved, with_edge, without
-from curvescan.slam.jobs import Problem
+from curvescan.slam.config import GATE, SlamConfig
+from curvescan.slam.jobs import Problem, covariances_seen_from
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
+from curvescan.types import Bools, Cov, Pose
 
 _VERSION = 1
 _KINDS = ("drop", "add", "pin", "forbid")
@@ -91,18 +91,58 @@ def _applied(graph: Problem, edit: Edit) -> Problem:
         if i == 0:
             raise InvalidArgumentError("keyframe 0 holds the frame of the map: it is pinned already")
         pose = graph.poses[i] if edit.pose is None else np.array(edit.pose)
-        return with_edge(graph, 0, i, se2.between(graph.poses[0], pose), _PINNED)
+        return _with_edge(graph, 0, i, se2.between(graph.poses[0], pose), _PINNED)
     if edit.do == "add":
         if i == j:
             raise InvalidArgumentError(f"a closure joins two keyframes, got {i} twice")
-        return with_edge(graph, i, j, np.array(edit.pose), np.reshape(edit.covariance or (), (3, 3)))
+        return _with_edge(graph, i, j, np.array(edit.pose), np.reshape(edit.covariance or (), (3, 3)))
     is_closure = graph.kinds == EdgeKind.CLOSURE
     if edit.do == "forbid":
-        return without(graph, is_closure & ((graph.ends >= min(i, j)) & (graph.ends <= max(i, j))).any(axis=1))
+        return _without(graph, is_closure & ((graph.ends >= min(i, j)) & (graph.ends <= max(i, j))).any(axis=1))
     gone = is_closure & (np.sort(graph.ends, axis=1) == sorted((i, j))).all(axis=1)
     if not gone.any():
         raise InvalidArgumentError(f"there is no closure between keyframes {i} and {j}")
-    return without(graph, gone)
+    return _without(graph, gone)
+
+
+def _with_edge(graph: Problem, i: int, j: int, pose: Pose, covariance: Cov) -> Problem:
+    """Return a graph with a closure more, put in by hand, which keeps its weight."""
+    return replace(
+        graph,
+        ends=np.vstack([graph.ends, [i, j]]),
+        measured=np.vstack([graph.measured, pose]),
+        covariances=np.concatenate([graph.covariances, covariance[np.newaxis]]),
+        kinds=np.append(graph.kinds, EdgeKind.CLOSURE),
+        weights=np.append(graph.weights, 1.0),
+        least=np.append(graph.least, 1.0),
+    )
+
+
+def _without(graph: Problem, gone: Bools) -> Problem:
+    """Return a graph without some edges, gone (m,)."""
+    names = ("ends", "measured", "covariances", "kinds", "weights", "least")
+    return replace(graph, **{name: getattr(graph, name)[~gone] for name in names})
+
+
+def solved(slam_map: SlamMap, graph: Problem, config: SlamConfig) -> SlamMap:
+    """Return a map with another graph, optimized to the end, every closure reconsidered.
+
+    A false closure may have cost the right ones their weight: of two optima, one begun with the weights of the map and
+    one with all edges in full, the better one is taken.
+    """
+    optima = [graph.optimized(weights=weights) for weights in (graph.weights, None)]
+    optimum = min(optima, key=lambda found: float(np.minimum(found.distances, GATE).sum()))
+    new = replace(
+        slam_map,
+        poses=optimum.poses,
+        ends=graph.ends,
+        measured=graph.measured,
+        edge_covariances=graph.covariances,
+        kinds=graph.kinds,
+        weights=optimum.weights,
+        grid=None,
+    )
+    return replace(new, covariances=covariances_seen_from(Problem.of_map(new), config.noise))
 
 
 def ask_match(slam_map: SlamMap, i: int, j: int, config: SlamConfig | None = None) -> tuple[MatchResult, Edit | None]:
