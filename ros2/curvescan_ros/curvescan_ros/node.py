@@ -101,7 +101,7 @@ class CurvescanNode(LifecycleNode):
         super().__init__("curvescan", **kwargs)
         for name, value in PARAMETERS.items():
             self.declare_parameter(name, value)
-        self._p = self._parameters()
+        self._p = self._read_parameters()
         self._tracker: Tracker | None = None
         self._map_sink: MapPublisher | None = None
         self._fault: curvescan.CurvescanError | None = None
@@ -122,7 +122,7 @@ class CurvescanNode(LifecycleNode):
     def on_configure(self, state: State) -> TransitionCallbackReturn:
         """Load the map and compile the kernels."""
         started = time.monotonic()
-        self._p = self._parameters()  # as AMCL: what was set since takes effect
+        self._p = self._read_parameters()  # as AMCL: what was set since takes effect
         try:
             self._tracker = self._new_tracker()
             warm_up(lambda: curvescan.Odometry(self._p["method"]), self._p["method"])
@@ -199,7 +199,7 @@ class CurvescanNode(LifecycleNode):
             next((end for kind, end in destroy.items() if isinstance(heard, kind)), self.destroy_subscription)(heard)
         self._heard = []
 
-    def _parameters(self) -> dict[str, object]:
+    def _read_parameters(self) -> dict[str, object]:
         return {name: self.get_parameter(name).value for name in PARAMETERS}
 
     @property
