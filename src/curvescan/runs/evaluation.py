@@ -84,11 +84,8 @@ def evaluate(
     require(tolerance >= 0.0, "tolerance must be at least 0 s", tolerance)
     own = _poses_of(trajectory).trajectory
     x, y, theta = np.asarray(laser_pose, dtype=np.float64).tolist()
-    about: dict[str, object] = {
-        "trajectory": _name(trajectory),
-        "measured_against": _name(relations if relations is not None else reference),
-        "laser_pose_m_m_deg": [x, y, math.degrees(theta)],
-    }
+    names = {"trajectory": _name(trajectory), "measured_against": _name(reference if relations is None else relations)}
+    about: dict[str, object] = {**names, "laser_pose_m_m_deg": [x, y, math.degrees(theta)]}
     errors: RelationErrors | ReferenceErrors
     with nullcontext() if out is None else output_folder(out) as folder:
         if relations is not None:
