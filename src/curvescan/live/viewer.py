@@ -213,7 +213,7 @@ class Viewer(MapSink):
                 now: dict[str, Any] = {"pose": [round(v, 5) for v in pose.tolist()]}
                 if self._tracker is not None and isinstance(self._tracker.engine, Slam):
                     # some lost their weight on the way, others joined keyframes that have gone
-                    now["n_closures"] = self._tracker.engine.backend.count_matches()[0]
+                    now["n_closures"] = self._tracker.engine.count_matches()[0]
                 self._scan_event = self._scan_event | now
         self._draw()
 

@@ -49,9 +49,9 @@ def write_closures(path: Path, closures: Sequence[Closure]) -> None:
 
 def describe_graph(slam: Slam, seconds_to_finish: float) -> dict[str, object]:
     """Return what run.json holds of the graph."""
-    graph = slam.backend.graph
+    graph = slam.graph
     outcomes = Counter(c.outcome for c in slam.closures)
-    n_closures, n_neighbours = slam.backend.count_matches()
+    n_closures, n_neighbours = slam.count_matches()
     return {
         "keyframes": graph.n_poses,
         "loop_closures": n_closures,

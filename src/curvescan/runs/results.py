@@ -74,7 +74,7 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
             run.scans,
             n,
             odometry=record.odometry.poses,
-            keyframe_numbers=engine.backend.keyframes.numbers,
+            keyframe_numbers=engine.keyframes.numbers,
             keyframe_scans=engine.keyframe_scans(),
         )
     elif isinstance(engine, Odometry):

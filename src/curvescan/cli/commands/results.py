@@ -164,19 +164,19 @@ def _compared(one: AnyMap, later: AnyMap) -> list[Change]:
 
 def _write_changes(folder: Path, grid: OccupancyGrid, found: Sequence[Change]) -> None:
     """Write changes.csv and changes.png."""
-    from curvescan.plots.map import DARK, PATH, TRUTH, as_place, drawing_places
+    from curvescan.plots import colours
+    from curvescan.plots.map import as_place, drawing_places
 
     with (folder / "changes.csv").open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("kind", "x_min", "y_min", "x_max", "y_max", "square_metres"))
         writer.writerows((c.kind, *(round(v, 4) for v in c.box), round(c.area, 4)) for c in found)
     cells = grid.occupied_centres
-    with drawing_places(folder / "changes.png", cells) as (_, [axes]):
+    with drawing_places(folder / "changes.png", cells) as [axes]:
         as_place(axes, f"{len(found)} changes: appeared in green, gone in red")
-        axes.plot(*cells.T, "s", color=DARK, ms=0.8, mew=0)
-        for change in found:
-            x0, y0, x1, y1 = change.box
-            colour = TRUTH if change.kind == "appeared" else PATH
+        axes.plot(*cells.T, "s", color=colours.DARK, ms=0.8, mew=0)
+        for kind, (x0, y0, x1, y1) in ((change.kind, change.box) for change in found):
+            colour = colours.TRUTH if kind == "appeared" else colours.PATH
             axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=colour, lw=1.5)
 
 

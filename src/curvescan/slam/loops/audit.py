@@ -12,11 +12,9 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.loops.agreement import agreements
-from curvescan.slam.loops.closures import SURE, Closure
+from curvescan.slam.loops.agreement import agreements, largest_clique
+from curvescan.slam.loops.closures import SLIP, SURE, Closure, difference, expectation_of
 from curvescan.slam.loops.cycles import Chain
-from curvescan.slam.loops.likelihood import SLIP, difference, expectation_of
-from curvescan.slam.pose_graph.consistency import largest_clique
 from curvescan.types import Floats, Ints, Pose
 
 _N_KEYFRAMES = 5

@@ -29,9 +29,9 @@ _MOST_SPREAD = 1.0
 """Greatest trace of the covariance of an edge that leaves nothing open, square metres and radians."""
 
 
-def is_whole(covariance: Cov) -> bool:
-    """Return whether the (3, 3) covariance of an edge leaves no direction open."""
-    return bool(np.trace(covariance) < _MOST_SPREAD)
+def is_whole(covariances: Cov) -> Bools:
+    """Return whether the (..., 3, 3) covariances of edges leave no direction open."""
+    return np.asarray(np.trace(covariances, axis1=-2, axis2=-1) < _MOST_SPREAD)
 
 
 _EDGE = np.dtype(
@@ -92,6 +92,11 @@ class PoseGraph:
         return self._edges.array["weight"]
 
     @property
+    def is_followed(self) -> Bools:
+        """(n_edges,): whether the optimizer follows each edge."""
+        return np.asarray(self.weights > 0.5)
+
+    @property
     def is_closure(self) -> Bools:
         """(n_edges,): whether each edge is a loop closure."""
         return np.asarray(self.kinds == EdgeKind.CLOSURE)
@@ -114,3 +119,25 @@ class PoseGraph:
     def keep_edges(self, is_kept: Bools) -> None:
         """Remove edges; the others keep their order."""
         self._edges.keep(is_kept)
+
+
+def components(ends: Ints, n_poses: int) -> Ints:
+    """Return (n_poses,) number of the connected component of each pose, the one of pose 0 first.
+
+    ends (m, 2).
+    """
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    links = csr_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n_poses, n_poses))
+    _, labels = connected_components(links, directed=False)
+    return np.asarray(labels, dtype=np.int64)
+
+
+def anchors_of(labels: Ints, preferred: Ints | None = None) -> Ints:
+    """Return one pose of each component, in the order of the components: a preferred one, or else the first."""
+    _, first = np.unique(labels, return_index=True)
+    anchors = first.astype(np.int64)
+    if preferred is not None:
+        anchors[labels[preferred][::-1]] = preferred[::-1]
+    return anchors

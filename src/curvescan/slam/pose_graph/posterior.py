@@ -88,7 +88,7 @@ def own_noise(poses: Pose, ends: Ints, covariances: Cov, is_match: Bools) -> Cov
     best[ends[rows].ravel()] = np.repeat(rows, 2)  # of several the last one stays
     found = np.zeros((len(poses), 3, 3))
     has = np.flatnonzero(best >= 0)
-    turn = _turns(poses[ends[best[has], 0], 2])
+    turn = rotations(poses[ends[best[has], 0], 2])
     found[has] = turn @ covariances[best[has]] @ turn.transpose(0, 2, 1)
     return found
 
@@ -106,7 +106,8 @@ def with_own_noise(covariances: Cov, poses: Pose, own: Cov, k: int) -> Cov:
     return found
 
 
-def _turns(angles: Floats) -> Cov:
+def rotations(angles: Floats) -> Cov:
+    """Return (n, 3, 3) matrices that turn poses by angles."""
     turns = np.zeros((len(angles), 3, 3))
     c, s = np.cos(angles), np.sin(angles)
     turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = c, -s, s, c

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from curvescan.slam.pose_graph.components import anchors_of, components
+from curvescan.slam.pose_graph.graph import anchors_of, components
 from curvescan.slam.pose_graph.optimization import Edges, optimize, squared_distances
 from curvescan.types import Floats, Ints, Pose
 
