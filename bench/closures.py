@@ -17,7 +17,8 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers import MatchResult
-from curvescan.plots.map import drawing, segment_colour
+from curvescan.plots.colours import segment_colour
+from curvescan.plots.map import drawing
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.simulation.recording import simulate

@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from curvescan import se2
-from curvescan.plots.map import drawing, segment_colour
+from curvescan.plots.colours import segment_colour
+from curvescan.plots.map import drawing
 from curvescan.scan import LaserScan
 from curvescan.simulation.recording import simulate
 from curvescan.slam import Slam

@@ -15,7 +15,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers import MatchResult, match
-from curvescan.paper.random_transform import SUCCESS
+from curvescan.paper.random_transform import is_success
 from curvescan.simulation import SENSORS, ScanPair, Sensor, World, simulate_pairs
 from curvescan.simulation.sensing.sensors import cast_beams
 from curvescan.types import Bools, Cov, Floats, Ints, Points, Pose
@@ -167,8 +167,7 @@ class _Try:
 
     @property
     def is_right(self) -> bool:
-        x, y, theta = self.error
-        return bool(self.result.ok and np.hypot(x, y) < SUCCESS[0] and abs(theta) < SUCCESS[1])
+        return self.result.ok and bool(is_success(self.error))
 
 
 def _score(method: str, scenario: str, tries: list[_Try], bound: float) -> ScenarioScore:

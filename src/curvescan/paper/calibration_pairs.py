@@ -14,7 +14,7 @@ from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.matchers.cfsma.landmarks import Verdict
 from curvescan.matchers.cfsma.matcher import CfSmaMatcher
 from curvescan.matchers.cfsma.trace import CfSmaTrace
-from curvescan.paper.random_transform import SUCCESS
+from curvescan.paper.random_transform import is_success
 from curvescan.simulation import ScanPair, Sensor, simulate_pairs
 from curvescan.types import Bools, Floats, Ints
 
@@ -81,8 +81,7 @@ def _accuracy(config: CfSmaConfig, pairs: list[ScanPair]) -> tuple[float, float]
         started = time.perf_counter()
         result = matcher.match(reference, current, None)
         seconds.append(time.perf_counter() - started)
-        x, y, theta = se2.between(pair.pose, result.pose)
-        n_right += bool(np.hypot(x, y) < SUCCESS[0] and abs(theta) < SUCCESS[1])
+        n_right += bool(is_success(se2.between(pair.pose, result.pose)))
     return n_right / len(pairs), float(np.median(seconds))
 
 

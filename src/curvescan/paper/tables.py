@@ -13,20 +13,8 @@ from curvescan.mapping.occupied_cells import OccupiedCells, occupied_cells
 from curvescan.paper.experiments import ScenarioComparison
 from curvescan.paper.random_transform import SUCCESS, RandomTransformCondition, RandomTransformRuns, TransformResult
 from curvescan.paper.scenarios import ScenarioResult, Share
-from curvescan.plots.map import (
-    DARK,
-    FAILED,
-    GREY,
-    LIGHT,
-    PATH,
-    TRUTH,
-    as_place,
-    draw_side_by_side,
-    draw_truth,
-    drawing,
-    from_first,
-    segment_colour,
-)
+from curvescan.plots.colours import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, segment_colour
+from curvescan.plots.map import as_place, draw_side_by_side, draw_truth, drawing, from_first
 from curvescan.runs.document import ResultTable
 from curvescan.types import Floats
 
@@ -203,7 +191,7 @@ def log_relation_table(judged: Sequence[LogEvaluation]) -> ResultTable:
 
 def draw_errors(path: Path, all_runs: dict[RandomTransformCondition, TransformResult]) -> None:
     """Save the histograms of the errors of experiment 1."""
-    with drawing(path, 11.0, 4.5) as figure:
+    with drawing(path, 11.0, 4.5, legend=3) as figure:
         left, right = figure.subplots(1, 2)
         for k, (condition, (runs, _)) in enumerate(all_runs.items()):
             style = {"histtype": "step", "color": segment_colour(k), "lw": 1.3}
@@ -222,7 +210,6 @@ def draw_errors(path: Path, all_runs: dict[RandomTransformCondition, TransformRe
         ):
             axes.axvline(limit, color=PATH, ls="--", lw=1.0)
             axes.set(xscale="log", xlabel=name, ylabel="runs [%]")
-        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
 def draw_maps(path: Path, drive: ScenarioComparison) -> None:
@@ -230,7 +217,7 @@ def draw_maps(path: Path, drive: ScenarioComparison) -> None:
     truth = from_first(drive.log.truth.poses)
     n_columns = min(len(drive.results), 4)
     n_rows = -(-len(drive.results) // n_columns)
-    with drawing(path, 3.6 * n_columns, 3.9 * n_rows + 0.5) as figure:
+    with drawing(path, 3.6 * n_columns, 3.9 * n_rows + 0.5, legend=3) as figure:
         places = np.ravel(figure.subplots(n_rows, n_columns, squeeze=False))
         for axes in places:
             axes.axis("off")
@@ -245,13 +232,12 @@ def draw_maps(path: Path, drive: ScenarioComparison) -> None:
             end = result.errors.end_translation
             as_place(axes, f"{method}: end off by {end:.2f} m, {result.n_failed} failed")
             axes.set_aspect("equal", adjustable="datalim")
-        figure.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
 def draw_trajectories(path: Path, drive: ScenarioComparison) -> None:
     """Save the trajectories of all methods in one figure with the true one (figure 9b)."""
     truth = from_first(drive.log.truth.poses)
-    with drawing(path, 9, 7) as figure:
+    with drawing(path, 9, 7, legend=5) as figure:
         axes = figure.subplots()
         for k, (method, result) in enumerate(drive.first.items()):
             x, y = result.run.trajectory.poses[:, :2].T
@@ -261,7 +247,6 @@ def draw_trajectories(path: Path, drive: ScenarioComparison) -> None:
         low, high = truth[:, :2].min(axis=0) - margin, truth[:, :2].max(axis=0) + margin
         as_place(axes, "a method that leaves the frame has lost its way")
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        figure.legend(loc="outside lower center", ncols=5)
 
 
 def draw_both_maps(path: Path, drive: ScenarioComparison, method: str) -> None:
@@ -277,7 +262,7 @@ def draw_end(path: Path, drive: ScenarioComparison, method: str) -> None:
     truth = from_first(drive.log.truth.poses)
     run = drive.first[method].run
     poses, failed = run.trajectory.poses, run.is_failed
-    with drawing(path, 7, 7) as figure:
+    with drawing(path, 7, 7, legend=3) as figure:
         axes = figure.subplots()
         draw_truth(axes, truth)
         axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label=method)
@@ -287,7 +272,6 @@ def draw_end(path: Path, drive: ScenarioComparison, method: str) -> None:
         axes.plot(*poses[-1, :2], "s", color="white", mec=PATH, ms=8, label=f"end by {method}")
         as_place(axes, f"experiment {drive.experiment.number}, {method}")
         axes.set_aspect("equal", adjustable="datalim")
-        figure.legend(loc="outside lower center", ncols=3)
 
 
 def draw_discarded(path: Path, drive: ScenarioComparison, method: str) -> None:
@@ -303,7 +287,7 @@ def draw_discarded(path: Path, drive: ScenarioComparison, method: str) -> None:
             (people, left & drive.log.is_person[k]),
         ):
             cells.add(se2.transform(pose, scan.points[readings]))
-    with drawing(path, 9, 8) as figure:
+    with drawing(path, 9, 8, legend=3) as figure:
         axes = figure.subplots()
         for cells, colour, label in (
             (unmatched, GREY, f"left unmatched by {method}"),
@@ -316,4 +300,3 @@ def draw_discarded(path: Path, drive: ScenarioComparison, method: str) -> None:
         axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label=method)
         as_place(axes, f"experiment {drive.experiment.number}, {method}")
         axes.set_aspect("equal", adjustable="datalim")
-        figure.legend(loc="outside lower center", ncols=3)

@@ -15,18 +15,8 @@ from curvescan.matchers.cfsma.features import CfSmaFeatures
 from curvescan.matchers.cfsma.landmarks import Verdict
 from curvescan.matchers.cfsma.trace import CfSmaTrace, count_gates
 from curvescan.matchers.result import Label, MatchResult
-from curvescan.plots.map import (
-    DARK,
-    FIRST,
-    GREY,
-    PAIRED,
-    PATH,
-    SECOND,
-    as_place,
-    drawing,
-    drawing_places,
-    segment_colour,
-)
+from curvescan.plots.colours import DARK, FIRST, GREY, PAIRED, PATH, SECOND, segment_colour
+from curvescan.plots.map import as_place, drawing, drawing_places
 from curvescan.scan import LaserScan
 from curvescan.types import Ints, Points
 
@@ -70,19 +60,18 @@ def draw_segments(path: Path, trace: CfSmaTrace, names: tuple[str, str]) -> None
     """Save the segments of both scans in colours, isolated readings in grey (figure 4)."""
     scans = (trace.reference, trace.current)
     points = np.concatenate([features.points for features in scans])
-    with drawing_places(path, _with_sensor(points), 2) as (figure, places):
+    with drawing_places(path, _with_sensor(points), 2, legend=3) as places:
         for axes, features, name in zip(places, scans, names, strict=True):
             _draw_segments(axes, features)
             n_points = len(features.landmarks)
             as_place(axes, f"{name}: CF-SMA, {len(features.starts)} segments, {n_points} corners")
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
 def draw_curvature(path: Path, trace: CfSmaTrace, names: tuple[str, str], min_curvature: float) -> None:
     """Save the curvature functions of both scans, with U_p and the characteristic points (figure 5)."""
     paired_rows = np.flatnonzero(trace.landmark_pairs.verdict == Verdict.PAIRED)
     paired = {"current": paired_rows, "reference": trace.landmark_pairs.partner[paired_rows]}
-    with drawing(path, 12, 7) as figure:
+    with drawing(path, 12, 7, legend=4) as figure:
         top, bottom = figure.subplots(2, 1)
         for axes, features, name, rows in (
             (top, trace.reference, names[0], paired["reference"]),
@@ -94,7 +83,6 @@ def draw_curvature(path: Path, trace: CfSmaTrace, names: tuple[str, str], min_cu
             axes.set_title(name)
             axes.set_ylabel("curvature index [rad]")
         bottom.set_xlabel("reading along the sweep (valid readings, counter-clockwise)")
-        figure.legend(*bottom.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 
 def draw_matched(path: Path, result: MatchResult, scans: tuple[LaserScan, LaserScan], names: tuple[str, str]) -> None:
@@ -102,7 +90,7 @@ def draw_matched(path: Path, result: MatchResult, scans: tuple[LaserScan, LaserS
     reference, before = scans[0].points, scans[1].points
     after = se2.transform(result.pose, before) if result.ok else None
     shown = [reference, before] + ([] if after is None else [after])
-    with drawing_places(path, _with_sensor(np.concatenate(shown)), 2) as (figure, [left, right]):
+    with drawing_places(path, _with_sensor(np.concatenate(shown)), 2, legend=4) as [left, right]:
         draw_overlay(left, result, reference, before)
         as_place(left, "as measured, each scan in its own sensor frame")
         if after is None:
@@ -114,7 +102,6 @@ def draw_matched(path: Path, result: MatchResult, scans: tuple[LaserScan, LaserS
         matched = ", matched" * result.ok
         left.plot([], [], ".", color=FIRST, label=f"{names[0]}{matched}")
         left.plot([], [], ".", color=SECOND, label=f"{names[1]}{matched}")
-        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 
 def _with_sensor(points: Points) -> Points:

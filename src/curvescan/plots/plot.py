@@ -17,7 +17,8 @@ from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.matchers.result import MatchResult
 from curvescan.odometry import RunRecord
-from curvescan.plots.map import FIRST, PATH, SECOND, as_place, draw_grid, mark_ends
+from curvescan.plots.colours import FIRST, PATH, SECOND
+from curvescan.plots.map import as_place, draw_grid, mark_ends
 from curvescan.plots.match import draw_overlay
 from curvescan.scan import LaserScan
 from curvescan.slam import Localizer, Slam, SlamMap
