@@ -55,8 +55,7 @@ class ScanSource(Protocol):
         """Yield the scans as they come."""
 
 
-_PAUSED = 0.05
-"""Seconds between two looks whether a pause has ended."""
+_PAUSED = 0.05  # seconds between two looks whether a pause has ended
 
 
 class Paced:
@@ -90,18 +89,14 @@ class Paced:
         """Return the first scan, without taking it; None of a source that has none."""
         return next(self._made(), None)
 
-    def scans(self) -> Iterator[LaserScan]:
-        """Yield the scans in their order, at the chosen speed."""
-        return self._at_their_time(self._made())
-
     def _made(self) -> Iterator[LaserScan]:
         """Yield the scans, each as soon as it is asked for."""
         raise NotImplementedError
 
-    def _at_their_time(self, scans: Iterator[LaserScan]) -> Iterator[LaserScan]:
-        """Yield scans at the pace of their stamps, which may repeat or go back; ends when the source is closed."""
+    def scans(self) -> Iterator[LaserScan]:
+        """Yield the scans at the pace of their stamps, which may repeat or go back; ends when the source is closed."""
         due, before = time.monotonic(), math.nan
-        for k, scan in enumerate(scans):
+        for k, scan in enumerate(self._made()):
             while self.is_paused and k >= self.skip_to and not self._closed.wait(_PAUSED):
                 due = time.monotonic()
             step, before = scan.stamp - before, scan.stamp

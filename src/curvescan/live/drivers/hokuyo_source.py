@@ -7,8 +7,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from curvescan.errors import InvalidArgumentError, MissingPackageError, SourceError
-from curvescan.live.drivers.transport import PIP_COMMAND, SILENCE, TurnClock, to_unix
+from curvescan.errors import InvalidArgumentError, SourceError
+from curvescan.live.drivers.transport import SILENCE, TurnClock, package_of, to_unix
 from curvescan.scan import LaserScan
 
 DEFAULT_PORT = 10940
@@ -22,11 +22,7 @@ class HokuyoSource:
     is_live = True
 
     def __init__(self, port: str, *, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)) -> None:
-        try:
-            import hokuyolx
-        except ImportError as error:
-            raise MissingPackageError(f"the driver hokuyo is the package hokuyolx: {PIP_COMMAND}") from error
-        self._package: Any = hokuyolx
+        self._package = package_of("hokuyolx", "the driver hokuyo is the package hokuyolx")
         host, _, number = port.partition(":")
         if not host or (number and not number.isdecimal()):
             raise InvalidArgumentError(f"a Hokuyo's port is HOST:PORT, got {port!r}")
@@ -98,17 +94,13 @@ class _Socket:
 
     def recv(self, size: int) -> bytes:
         """Return some bytes, none beyond the end of a reply."""
-        if not self._held:
+        is_new = not self._held
+        # the end of a reply may lie across two pieces
+        while not self._held or (is_new and self._held.endswith(b"\n") and not self._held.endswith(_END)):
             data: bytes = self._opened.recv(size)
             if not data:
                 raise ConnectionError("the connection was closed")
-            # the end of a reply may lie across two pieces
             self._held += data
-            while self._held.endswith(b"\n") and not self._held.endswith(b"\n\n"):
-                data = self._opened.recv(size)
-                if not data:
-                    raise ConnectionError("the connection was closed")
-                self._held += data
         end = self._held.find(_END)
         taken = bytes(self._held if end < 0 else self._held[: end + len(_END)])
         del self._held[: len(taken)]

@@ -5,10 +5,8 @@ what a replay of the same edits gives.
 """
 
 import json
-import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +15,7 @@ from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.live.finished.results_folder import FinishedRun, revised_tree
 from curvescan.live.finished.view import FinishedView, packed
+from curvescan.live.live_map import map_file
 from curvescan.slam.editing.edits import Edit, ask_match, edit_of, edited, edits_text, plain_edit
 from curvescan.slam.map import SlamMap
 
@@ -57,7 +56,7 @@ class FinishedSite:
         mended = edited(slam_map, edits)
         if name == "optimize":
             return packed(revised_tree(self._run, mended)), _BYTES
-        return _file_of(mended), _BYTES
+        return map_file(replace(mended, grid=mended.occupancy())), _BYTES
 
 
 def _edits(values: Any) -> list[Edit]:
@@ -82,11 +81,3 @@ def _answer(slam_map: SlamMap, i: int, j: int) -> dict[str, Any]:
         "pose": pose.tolist(),
         "points": np.rint(100.0 * scan.points[scan.valid]).ravel().tolist(),
     }
-
-
-def _file_of(slam_map: SlamMap) -> bytes:
-    """Return a map as the bytes of a map file."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "map.csmap"
-        replace(slam_map, grid=slam_map.occupancy()).save(path)
-        return path.read_bytes()
