@@ -28,7 +28,6 @@ class FoxgloveSink(MessageSink):
             raise MissingPackageError(
                 "--foxglove needs the package foxglove-sdk: pip install 'curvescan[foxglove]'"
             ) from error
-        self._host = host
         builder = MessageBuilder(where="websocket")
         # held: what goes on in a context ends with it
         self._context = context = foxglove.Context()
@@ -54,12 +53,8 @@ class FoxgloveSink(MessageSink):
             raise OutputError(
                 f"cannot serve Foxglove at {host}:{port}: {error}; choose another --foxglove-port or --host"
             ) from error
+        self.url = local_url("ws", host, self._server.port)  # where a Foxglove on this machine finds it
         super().__init__("foxglove", builder, Pace(2.0, 0.1), **options)
-
-    @property
-    def url(self) -> str:
-        """Where a Foxglove on this machine finds it."""
-        return local_url("ws", self._host, self._server.port)
 
     def stop(self) -> None:
         """Close the connections of all clients."""

@@ -71,15 +71,11 @@ class Tracker:
         self.engine = engine
         self.lock = threading.Lock()  # the engine belongs to who holds it
         self._odometry_poses = odometry_poses
+        self.has_prior = odometry_poses is not None  # whether the wheels of a replayed log are used
         self._n_scans = 0
         self._is_deskewed = is_deskewed(engine)
         self._scan_of_keyframe: dict[int, int] = {}
         self._is_revised, self._revisions = False, Pace(1.0, 0.05)
-
-    @property
-    def has_prior(self) -> bool:
-        """Whether the wheels of a replayed log are used."""
-        return self._odometry_poses is not None
 
     def add(
         self, scan: LaserScan, *, received: float | None = None, n_dropped: int = 0, odometry_pose: Pose | None = None

@@ -15,6 +15,7 @@ import time
 from array import array
 from collections import deque
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, Unpack
 
 import numpy as np
@@ -134,9 +135,10 @@ class Viewer(MapSink):
         The path and the map come first, then scans as they come, the newest when the browser is slower.
         """
         seen = _Seen()
-        replay = self._replay
-        now = {} if replay is None else {"pace": {"speed": replay.speed, "is_paused": replay.is_paused}}
-        yield "about", self._about | now | {"n_scans": getattr(replay, "n_scans", 0)}
+        now: dict[str, Any] = {"n_scans": 0}
+        if (replay := self._replay) is not None:
+            now = {"pace": {"speed": replay.speed, "is_paused": replay.is_paused}, "n_scans": replay.n_scans}
+        yield "about", self._about | now
         while True:
             with self._changed:
                 is_new = self._changed.wait_for(lambda: self._is_over or self._n_events != seen.n_events, _HEARTBEAT)
@@ -243,6 +245,8 @@ class Viewer(MapSink):
         match, c = tracked.step.match, tracked.step.covariance
         degenerate = match is not None and match.degenerate_direction is not None
         tone, word = status_of(tracked.step.outcome.name.lower(), is_degenerate=degenerate)
+        points = tracked.scan.points[tracked.scan.valid]
+        points = points[:: 1 + len(points) // _N_POINTS]
         recent: Floats = np.array(self._recent)
         steps = np.diff(np.array(self._stamps))
         steps = steps[steps > 0.0]
@@ -267,26 +271,20 @@ class Viewer(MapSink):
             "n_closures": self._n_closures + len(tracked.closures),
             "length": round(self._length_m, 2),
             "received": tracked.received,
-            "points": _millimetres(tracked),
+            # x, y of some of them, millimetres, one after the other
+            "points": np.rint(1e3 * points.clip(-1e6, 1e6)).astype(np.int64).ravel().tolist(),
         }
 
 
+@dataclass
 class _Seen:
     """What a browser has been sent."""
 
-    def __init__(self) -> None:
-        self.n_events = -1
-        self.status: dict[str, str] | None = None
-        self.path_version, self.n_path = -1, 0
-        self.picture = -1
-        self.n_wheels = 0
-        self.closures = (0, 0)
-        self.scan_event: dict[str, Any] | None = None
-
-
-def _millimetres(tracked: TrackedScan) -> list[int]:
-    """Return x, y of the valid readings in the sensor's frame, millimetres, one after the other."""
-    scan = tracked.scan
-    points = scan.points[scan.valid]
-    points = points[:: 1 + len(points) // _N_POINTS]
-    return np.rint(1e3 * points.clip(-1e6, 1e6)).astype(np.int64).ravel().tolist()
+    n_events: int = -1
+    status: dict[str, str] | None = None
+    path_version: int = -1
+    n_path: int = 0
+    picture: int = -1
+    n_wheels: int = 0
+    closures: tuple[int, int] = (0, 0)
+    scan_event: dict[str, Any] | None = None

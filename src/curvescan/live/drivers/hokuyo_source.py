@@ -27,14 +27,10 @@ class HokuyoSource:
         if not host or (number and not number.isdecimal()):
             raise InvalidArgumentError(f"a Hokuyo's port is HOST:PORT, got {port!r}")
         self._address = (host, int(number or DEFAULT_PORT))
+        self.name = f"Hokuyo at {host}:{self._address[1]}"
         self._is_mirrored, self._ignore_beams = is_mirrored, ignore_beams
         self._laser: Any = None
         self._is_closed = False
-
-    @property
-    def name(self) -> str:
-        """Address."""
-        return f"Hokuyo at {self._address[0]}:{self._address[1]}"
 
     def __enter__(self) -> Self:
         try:
@@ -57,8 +53,8 @@ class HokuyoSource:
         laser, clock = self._laser, TurnClock()
         if laser is None:
             raise SourceError(f"the {self.name} is not open: use it in a `with`")
-        sign = -1.0 if self._is_mirrored else 1.0
-        step = 2.0 * math.pi / laser.ares
+        first, last = self._ignore_beams
+        step = (-2.0 if self._is_mirrored else 2.0) * math.pi / laser.ares
         try:
             for distances, _, _ in laser.iter_dist():
                 # the beams of a sweep take their share of the turn, and the data comes when the sweep is done
@@ -67,12 +63,12 @@ class HokuyoSource:
                 time_increment = 1.0 / (laser.scan_freq * laser.ares)
                 ranges = 1e-3 * np.asarray(distances, dtype=np.float64)
                 ranges[np.asarray(distances) >= _NO_READING] = np.nan
-                ranges[: self._ignore_beams[0]] = np.nan
-                ranges[len(ranges) - self._ignore_beams[1] :] = np.nan
+                ranges[:first] = np.nan
+                ranges[len(ranges) - last :] = np.nan
                 yield LaserScan(
                     ranges,
-                    angle_min=sign * (laser.amin - laser.aforw) * step,
-                    angle_increment=sign * step,
+                    angle_min=(laser.amin - laser.aforw) * step,
+                    angle_increment=step,
                     range_min=1e-3 * laser.dmin,
                     range_max=1e-3 * laser.dmax,
                     stamp=to_unix(end) - time_increment * len(ranges),

@@ -171,7 +171,9 @@ class TurnClock:
         if arrival is not None and self._last_arrival is not None and arrival > self._last_arrival:
             self._periods.append(arrival - self._last_arrival)
         self._last_arrival = arrival
-        period = self._period(rate_hz)
+        period = statistics.median(self._periods) if self._periods else 0.1
+        if rate_hz > 0.0 and math.isfinite(rate_hz):
+            period = 1.0 / rate_hz
         if self._end is None:
             end = 0.0 if arrival is None else arrival
             begin = end - period
@@ -197,11 +199,6 @@ class TurnClock:
             self._n_late = 0
             return arrival
         return expected
-
-    def _period(self, rate_hz: float) -> float:
-        if rate_hz > 0.0 and math.isfinite(rate_hz):
-            return 1.0 / rate_hz
-        return statistics.median(self._periods) if self._periods else 0.1
 
 
 def to_unix(monotonic: float) -> float:

@@ -16,7 +16,7 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.live.finished.results_folder import FinishedRun, revised_tree
 from curvescan.live.finished.view import FinishedView, packed
 from curvescan.live.live_map import map_file
-from curvescan.slam.editing.edits import Edit, ask_match, edit_of, edited, edits_text, plain_edit
+from curvescan.slam.editing.edits import ask_match, edit_of, edited, edits_text, plain_edit
 from curvescan.slam.map import SlamMap
 
 _BYTES, _JSON = "application/octet-stream", "application/json"
@@ -50,19 +50,16 @@ class FinishedSite:
         assert slam_map is not None, "without a map there are no actions"
         if name == "match":
             return json.dumps(_answer(slam_map, int(arguments["i"]), int(arguments["j"]))).encode(), _JSON
-        edits = _edits(arguments["edits"])
+        values = arguments["edits"]
+        if not isinstance(values, list) or len(values) > _MAX_EDITS or not all(isinstance(v, dict) for v in values):
+            raise InvalidArgumentError(f"edits must be a list of at most {_MAX_EDITS} objects")
+        edits = [edit_of(value) for value in values]
         if name == "edits":
             return edits_text(edits).encode(), _JSON
         mended = edited(slam_map, edits)
         if name == "optimize":
             return packed(revised_tree(self._run, mended)), _BYTES
         return map_file(replace(mended, grid=mended.occupancy())), _BYTES
-
-
-def _edits(values: Any) -> list[Edit]:
-    if not isinstance(values, list) or len(values) > _MAX_EDITS or not all(isinstance(v, dict) for v in values):
-        raise InvalidArgumentError(f"edits must be a list of at most {_MAX_EDITS} objects")
-    return [edit_of(value) for value in values]
 
 
 def _answer(slam_map: SlamMap, i: int, j: int) -> dict[str, Any]:
