@@ -23,6 +23,7 @@ from curvescan.cli.help import overview, short_help
 from curvescan.cli.options import config_tables
 from curvescan.configs import nearest
 from curvescan.errors import CurvescanError
+from curvescan.io.config import read_config
 from curvescan.io.files.lines import printable
 
 COMMANDS: dict[str, Callable[..., int]] = {
@@ -104,8 +105,6 @@ def _commands(arguments: list[str]) -> dict[str, Callable[..., int]]:
             path = argument.removeprefix("--config=")
     if path is None:
         return COMMANDS
-    from curvescan.io.config import read_config
-
     read = {type(config): config for config in read_config(path, config_tables()).values()}
     return {name: _with_configs(command, read) for name, command in COMMANDS.items()}
 

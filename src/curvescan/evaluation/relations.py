@@ -7,6 +7,7 @@ place, measure what has added up in between, which a trajectory without loop clo
 """
 
 from collections import defaultdict, deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -201,9 +202,8 @@ class PublishedError:
     """What one method reached on one log, over all of its relations."""
 
     method: str  # in words
-    translation: tuple[float, float]  # mean and standard deviation, metres
-    # mean and standard deviation, degrees, as far as they were published
-    rotation: tuple[float, float | None] | None = None
+    translation: Sequence[float]  # mean and standard deviation, metres
+    rotation: Sequence[float] = ()  # mean and standard deviation, degrees, as far as they were published
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,20 +215,12 @@ class BenchmarkLog:
     errors: tuple[PublishedError, ...]  # what was published
 
 
-def _error(method: str, translation: list[float], rotation: list[float] | None = None) -> PublishedError:
-    mean, std = translation
-    degrees = None if rotation is None else (rotation[0], rotation[1] if len(rotation) > 1 else None)
-    return PublishedError(method=method, translation=(mean, std), rotation=degrees)
-
-
-def _read() -> dict[str, BenchmarkLog]:
-    return {
-        key: BenchmarkLog(name=row["name"], keys=tuple(row["keys"]), errors=tuple(_error(**e) for e in row["errors"]))
-        for key, row in shipped_table(__package__, "published.toml").items()
-    }
-
-
-BENCHMARKS: dict[str, BenchmarkLog] = _read()
+BENCHMARKS = {
+    key: BenchmarkLog(
+        name=row["name"], keys=tuple(row["keys"]), errors=tuple(PublishedError(**error) for error in row["errors"])
+    )
+    for key, row in shipped_table(__package__, "published.toml").items()
+}
 """The logs of the benchmark by name."""
 
 

@@ -142,8 +142,7 @@ def _check_is_other(target: Path, source: Path) -> None:
 def _nothing() -> None: ...
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunData:
+class RunData(NamedTuple):
     """What a run has to be written."""
 
     trajectory: Trajectory  # A pose a scan

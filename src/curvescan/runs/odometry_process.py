@@ -50,7 +50,15 @@ class OdometryProcess:
         self._calls: Queue[Any] = Queue()
         self._is_placed = False  # all scans, by the process, which is there still
         self._is_closed = False
-        self._process = _start()
+        self._process: subprocess.Popen[bytes] | None = None
+        with suppress(OSError):
+            self._process = subprocess.Popen(
+                python_command(__name__, "serve()"),
+                env={**os.environ, **_ENVIRONMENT},
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+            )
 
     def __enter__(self) -> "OdometryProcess":
         return self
@@ -113,7 +121,8 @@ class OdometryProcess:
         try:
             with self._process.stdin as requests:
                 requests.write(self._begun)
-                for batch in _batches(self._scans, self._odometry_poses):
+                left = ((scan, pose_at(self._odometry_poses, k)) for k, scan in enumerate(self._scans))
+                while batch := list(islice(left, _BATCH)):
                     if not self._put(self._sent, [scan for scan, _ in batch]):
                         return
                     pickle.dump(batch, requests, pickle.HIGHEST_PROTOCOL)
@@ -166,22 +175,3 @@ def serve() -> None:
             function, args, kwargs = pickle.load(requests)
             pickle.dump((function(*args, **kwargs),), replies, pickle.HIGHEST_PROTOCOL)
             replies.flush()
-
-
-def _start() -> subprocess.Popen[bytes] | None:
-    try:
-        return subprocess.Popen(
-            python_command(__name__, "serve()"),
-            env={**os.environ, **_ENVIRONMENT},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-        )
-    except OSError:
-        return None
-
-
-def _batches(scans: Iterable[LaserScan], odometry_poses: Pose | None) -> Iterator[list[tuple[LaserScan, Pose | None]]]:
-    left = ((scan, pose_at(odometry_poses, k)) for k, scan in enumerate(scans))
-    while batch := list(islice(left, _BATCH)):
-        yield batch

@@ -48,7 +48,9 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     record, engine = run.record, run.engine
     write_tum(folder / "trajectory.tum", record.trajectory)
     write_csv(folder / "trajectory.csv", record.trajectory, [o.name.lower() for o in record.outcomes])
-    title = title_of(run)
+    n, what = len(record.outcomes), {Slam: "SLAM", Localizer: "localization"}.get(type(engine), "")
+    title = ", ".join(filter(None, (f"{run.log.name}: {n:,} scans", record.method, what)))
+    title += f" (partial: interrupted, {len(run.log):,} scans in all)" * record.is_partial
     graph = engine.map if isinstance(engine, Slam) else None
     drawn = None
     if helper is not None and run.maps is None:
@@ -57,7 +59,8 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     maps = run.maps or _maps_of_run(run, is_drawn=drawn is None)
     if maps.grid is not None:
         write_map(folder, maps.grid)
-        draw_occupancy(folder / "occupancy.png", maps.grid, known_poses(record), title=f"{title}: occupancy")
+        known = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
+        draw_occupancy(folder / "occupancy.png", maps.grid, known, title=f"{title}: occupancy")
     if drawn is None:
         _draw(folder, record, run.scans, maps, title, run.truth, graph)
     if isinstance(engine, Slam):
@@ -69,13 +72,13 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
         write_view_file(
             folder,
             run.scans,
-            len(record.outcomes),
+            n,
             odometry=record.odometry.poses,
             keyframe_numbers=engine.keyframes.numbers,
             keyframe_scans=engine.keyframe_scans(),
         )
     elif isinstance(engine, Odometry):
-        write_view_file(folder, run.scans, len(record.outcomes))
+        write_view_file(folder, run.scans, n)
     if drawn is not None:
         drawn()
     write_record(folder, describe_run(run, maps))
@@ -125,20 +128,6 @@ def _draw(
         draw_wheels(folder / "wheels.png", log, log.odometry.poses[:n], title=f"{log.name}: by wheel odometry alone")
     if graph is not None:
         draw_graph(folder / "graph.png", graph, maps.standing, title=f"{title}: pose graph")
-
-
-def title_of(run: Run) -> str:
-    """Return the title of the pictures of a run: the log, the method, and what ran."""
-    n, n_whole = len(run.record.outcomes), len(run.log)
-    what = {Slam: "SLAM", Localizer: "localization"}.get(type(run.engine), "")
-    title = ", ".join(filter(None, (f"{run.log.name}: {n:,} scans", run.record.method, what)))
-    return title + f" (partial: interrupted, {n_whole:,} scans in all)" * run.record.is_partial
-
-
-def known_poses(record: RunRecord) -> Pose:
-    """Return the poses that are known."""
-    poses = record.trajectory.poses
-    return poses[np.isfinite(poses[:, 0])]
 
 
 def describe_run(run: Run, maps: RunMaps) -> dict[str, object]:

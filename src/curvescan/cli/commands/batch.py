@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import tyro
 
 from curvescan._interrupts import reported_as
+from curvescan.cli.console import ERR, OUT, table, with_flags
 from curvescan.cli.options import Flag, LogFlags, LogUse, MapConfig, OdometryFlags, OdometryRules
 from curvescan.io.files.lines import printable
 from curvescan.mapping.config import OccupancyConfig
@@ -66,7 +67,6 @@ def batch(
     slam
         SLAM in place of odometry.
     """
-    from curvescan.cli.console import ERR, OUT, with_flags
     from curvescan.runs.batch.batch import run_batch
 
     job = _job(rules, slam_rules if slam else None, use, occupancy)
@@ -114,8 +114,6 @@ def _job(rules: OdometryFlags, slam: SlamConfig | None, use: LogFlags, occupancy
 
 
 def _table(records: tuple[BatchRecord, ...]) -> object:
-    from curvescan.cli.console import table
-
     shown = table("batch", "results", "scans", "path", "time", "verdict")
     for record in records:
         figures = (f"{record.scans:,}", f"{record.metres:,.1f} m") if record.scans else ("", "")
@@ -127,8 +125,6 @@ def _table(records: tuple[BatchRecord, ...]) -> object:
 def _display() -> Iterator[BatchDisplay]:
     """Yield what shows a batch: one bar for the whole, and what has failed so far."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    from curvescan.cli.console import ERR
 
     progress = Progress(
         SpinnerColumn(),

@@ -9,8 +9,10 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import tyro
 
+from curvescan.cli.console import ERR, OUT, run_display
 from curvescan.cli.options import SensorName, SlamFlags, SlamRules, WorldName
-from curvescan.io.datasets import DATASETS
+from curvescan.io import output_folder
+from curvescan.io.datasets import DATASETS, fetch
 
 DatasetName: TypeAlias = Annotated[str | None, tyro.conf.arg(metavar="NAME")]
 
@@ -54,9 +56,7 @@ def demo(
 
 def _map_simulation(out: Path, rules: SlamFlags, **options: Any) -> int:
     from curvescan import run, simulate
-    from curvescan.cli.console import ERR, OUT, run_display
     from curvescan.cli.summary import errors_of, report
-    from curvescan.io import output_folder
     from curvescan.plots.map import draw_side_by_side
     from curvescan.runs.results import save_run
 
@@ -94,8 +94,6 @@ def _map_simulation(out: Path, rules: SlamFlags, **options: Any) -> int:
 def _map_public_log(name: str, out: Path, rules: SlamFlags) -> int:
     from curvescan.cli.commands.results import evaluate
     from curvescan.cli.commands.slam import slam
-    from curvescan.cli.console import ERR
-    from curvescan.io.datasets import fetch
 
     with ERR.status(f"fetching {name}"):
         log = fetch(name)
@@ -120,7 +118,6 @@ def warm_up(*, cache: Path | None = None, processor: Literal["generic", "native"
         alone.
     """
     import curvescan
-    from curvescan.cli.console import OUT
 
     seconds = curvescan.warm_up(cache=cache, processor=processor)
     OUT.print(f"compiled or loaded in {seconds:.1f} s" + (f": {cache}" if cache else ""))

@@ -16,7 +16,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.io.arrays.columns import Record, StreamLog
 from curvescan.io.files.lines import BrokenRecordError, LineMark, ReadErrorCounter, read_line_at, read_lines
-from curvescan.io.log import PoseRow, refuse_topic
+from curvescan.io.log import PoseRow
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
@@ -40,14 +40,12 @@ _NOTES = (
 
 def open_coreslam(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
     """Return the scans of a CoreSLAM log, with odometry from its wheel encoders; it has no topics."""
-    refuse_topic(path, FORMAT, topic)
     limit = RANGE_MAX if range_max is None else range_max
-    read = partial(_records, path, limit)
     return StreamLog(
-        str(path),
-        name=path.name,
+        path,
         kind=FORMAT,
-        read=read,
+        topic=topic,
+        read=partial(_records, path, limit),
         read_one=lambda place: _scan(read_line_at(path, place[0]).split(), limit),
         notes=_NOTES,
         mount=MOUNT,

@@ -36,7 +36,7 @@ from curvescan.io.files.lines import (
     read_lines,
     text_file,
 )
-from curvescan.io.log import Log, refuse_topic, scans_with_poses
+from curvescan.io.log import Log, scans_with_poses
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -49,9 +49,8 @@ _NOWHERE = -1  # offset of a line that there is not
 
 def open_csv(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
     """Return the scans of a CSV file, which has no topics; a line that breaks the layout is skipped and counted."""
-    refuse_topic(path, FORMAT, topic)
-    read = partial(_records, path, range_max)
-    return StreamLog(str(path), name=path.name, kind=FORMAT, read=read, read_one=partial(_one, path, range_max))
+    read, read_one = partial(_records, path, range_max), partial(_one, path, range_max)
+    return StreamLog(path, kind=FORMAT, topic=topic, read=read, read_one=read_one)
 
 
 def is_content(line: bytes) -> bool:

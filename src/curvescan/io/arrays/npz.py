@@ -32,7 +32,6 @@ import zipfile
 from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +41,7 @@ from curvescan.errors import LogFormatError, OutputError
 from curvescan.io.arrays.columns import DEFAULTS, Record, StreamLog, is_on_grid, make_pose, make_scan
 from curvescan.io.arrays.npz_file import NpzFile
 from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter, printable
-from curvescan.io.log import NO_POSE, Log, refuse_topic
+from curvescan.io.log import NO_POSE, Log
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -51,23 +50,13 @@ _MIN_SCAN_LIMIT = 1 << 20
 _BYTES_A_SCAN = 8
 """A scan without beams has at least its stamp; packed bytes that are all the same can claim any number of them."""
 _MAX_BEAMS = 1 << 21
-_BLOCK = 256
 _DAMAGED = "file damaged from here on: what stands before is read"
 
 
 def open_npz(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
     """Return the scans of an .npz file, which has no topics, read from it a block of rows at a time."""
-    refuse_topic(path, FORMAT, topic)
-    file = NpzFile(path)
-    n, m = _check_arrays(file)
-    return StreamLog(
-        str(path),
-        name=path.name,
-        kind=FORMAT,
-        read=partial(_records, file, n, m, range_max),
-        read_one=_RowReader(file, n, m, range_max),
-        unit="scan",
-    )
+    scans = _Scans(NpzFile(path), range_max)
+    return StreamLog(path, kind=FORMAT, topic=topic, read=scans.records, read_one=scans.one, unit="scan")
 
 
 def _check_arrays(file: NpzFile) -> tuple[int, int]:
@@ -108,86 +97,65 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
     return n, m
 
 
-def _columns(file: NpzFile, n: int, m: int, range_max: float | None) -> tuple[dict[str, Floats], Floats]:
-    """Return the numbers of each scan by their names, (n,) each, and (n,) its beams."""
-    columns = {name: file.read(name) if name in file.headers else value for name, value in DEFAULTS.items()}
-    if range_max is not None:
-        columns["range_max"] = range_max
-    columns["stamp"] = file.read("stamps")
-    counts = file.read("counts") if "counts" in file.headers else np.full(n, float(m))
-    return {name: np.broadcast_to(column, n) for name, column in columns.items()}, counts
+class _Scans:
+    """The scans of a file; the columns of numbers are read once, and the rows of readings when they are asked for."""
 
+    def __init__(self, file: NpzFile, range_max: float | None) -> None:
+        self._file = file
+        self._n, m = _check_arrays(file)
+        columns = {name: file.read(name) if name in file.headers else value for name, value in DEFAULTS.items()}
+        if range_max is not None:
+            columns["range_max"] = range_max
+        columns["stamp"] = file.read("stamps")
+        self._columns = {name: np.broadcast_to(column, self._n) for name, column in columns.items()}
+        self._counts = file.read("counts") if "counts" in file.headers else np.full(self._n, float(m))
 
-class _RowReader:
-    """Reads one scan by the number of its row; the columns of numbers are read once."""
+    def one(self, place: tuple[int, ...]) -> LaserScan:
+        """Return a scan by the number of its row."""
+        (i,) = place
+        return self._scan(i, self._file.row("ranges", i), self._row("angles", i), self._row("intensities", i))
 
-    def __init__(self, file: NpzFile, n: int, m: int, range_max: float | None) -> None:
-        self._arguments = file, n, m, range_max
-        self._columns: tuple[dict[str, Floats], Floats] | None = None
-
-    def __call__(self, place: tuple[int, ...]) -> LaserScan:
-        (i,), file = place, self._arguments[0]
-        if self._columns is None:
-            self._columns = _columns(*self._arguments)
-        columns, counts = self._columns
-        value = {name: column[i].item() for name, column in columns.items()}
-        return _scan(value, counts[i], file.row("ranges", i), self._row("angles", i), self._row("intensities", i))
+    def records(self, read_errors: ReadErrorCounter) -> Iterator[Record]:
+        """Yield all scans, one in memory at a time."""
+        odometry = self._file.read("odometry") if "odometry" in self._file.headers else None
+        ranges = itertools.chain.from_iterable(self._file.blocks("ranges"))
+        rows = zip(ranges, self._rows("angles"), self._rows("intensities"), strict=True)
+        for i in itertools.count():
+            try:
+                row = next(rows, None)
+            except LogFormatError:
+                read_errors.add(_DAMAGED, i + 1)
+                return
+            if row is None:
+                return
+            try:
+                scan = self._scan(i, *row)
+            except BrokenRecordError as error:
+                read_errors.add(str(error), i + 1)
+                continue
+            yield Record(scan, NO_POSE if odometry is None else make_pose(*odometry[i].tolist()), (i,))
 
     def _row(self, name: str, i: int) -> Floats | None:
-        file = self._arguments[0]
-        if name not in file.headers:
+        if name not in self._file.headers:
             return None
-        return file.read(name) if len(file.headers[name].shape) == 1 else file.row(name, i)
+        return self._file.read(name) if len(self._file.headers[name].shape) == 1 else self._file.row(name, i)
 
+    def _rows(self, name: str) -> Iterator[Floats | None]:
+        if name not in self._file.headers:
+            return itertools.repeat(None, self._n)
+        if len(self._file.headers[name].shape) == 1:
+            return itertools.repeat(self._file.read(name), self._n)
+        return itertools.chain.from_iterable(self._file.blocks(name))
 
-def _records(file: NpzFile, n: int, m: int, range_max: float | None, read_errors: ReadErrorCounter) -> Iterator[Record]:
-    columns, counts = _columns(file, n, m, range_max)
-    wide = list(columns.values())
-    odometry = file.read("odometry") if "odometry" in file.headers else None
-    rows = zip(
-        itertools.chain.from_iterable(file.blocks("ranges")),
-        _rows(file, "angles", n),
-        _rows(file, "intensities", n),
-        strict=True,
-    )
-    table: list[list[float]] = []
-    for i in itertools.count():
-        try:
-            row = next(rows, None)
-        except LogFormatError:
-            read_errors.add(_DAMAGED, i + 1)
-            return
-        if row is None:
-            return
-        if i % _BLOCK == 0:
-            table = np.stack([column[i : i + _BLOCK] for column in wide], axis=-1).tolist()
-        value = dict(zip(columns, table[i % _BLOCK], strict=True))
-        try:
-            scan = _scan(value, counts[i], *row)
-        except BrokenRecordError as error:
-            read_errors.add(str(error), i + 1)
-            continue
-        yield Record(scan, NO_POSE if odometry is None else make_pose(*odometry[i].tolist()), (i,))
-
-
-def _rows(file: NpzFile, name: str, n: int) -> Iterator[Floats | None]:
-    if name not in file.headers:
-        return itertools.repeat(None, n)
-    if len(file.headers[name].shape) == 1:
-        return itertools.repeat(file.read(name), n)
-    return itertools.chain.from_iterable(file.blocks(name))
-
-
-def _scan(
-    value: dict[str, float], count: float, ranges: Floats, angles: Floats | None, intensities: Floats | None
-) -> LaserScan:
-    if not 0.0 <= count <= ranges.size:
-        raise BrokenRecordError("count of beams beyond the row of ranges")
-    n = int(count)
-    if intensities is not None:
-        intensities = None if np.isnan(intensities[:n]).all() else intensities[:n]
-    is_own = angles is not None and n > 0 and not math.isnan(angles[0])
-    return make_scan(value, ranges[:n], angles[:n] if angles is not None and is_own else None, intensities)
+    def _scan(self, i: int, ranges: Floats, angles: Floats | None, intensities: Floats | None) -> LaserScan:
+        if not 0.0 <= self._counts[i] <= ranges.size:
+            raise BrokenRecordError("count of beams beyond the row of ranges")
+        n = int(self._counts[i])
+        if intensities is not None:
+            intensities = None if np.isnan(intensities[:n]).all() else intensities[:n]
+        is_own = angles is not None and n > 0 and not math.isnan(angles[0])
+        value = {name: column[i].item() for name, column in self._columns.items()}
+        return make_scan(value, ranges[:n], angles[:n] if angles is not None and is_own else None, intensities)
 
 
 _MAX_ATTEMPTS = 3

@@ -37,10 +37,10 @@ from types import MappingProxyType
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import LogFileError, LogFormatError, OutputError
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
 from curvescan.io.carmen.lines import SCAN_PARSERS, Index, ScanRecord, build_index, tag_of
 from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter, printable, read_line_at, read_lines, text_file
-from curvescan.io.log import Log, ScanAccess, refuse_topic, scans_with_poses
+from curvescan.io.log import Log, ScanAccess, scans_with_poses
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
@@ -59,7 +59,10 @@ class CarmenLog(ScanAccess):
     """The sweeps of a CARMEN log's front laser, in file order; a Log. Each iteration reads the file anew."""
 
     def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:
-        refuse_topic(path, "CARMEN log", topic)
+        if topic is not None:
+            raise InvalidArgumentError(
+                f"{path} is a CARMEN log, which has no topics, got topic {topic!r}: leave it out"
+            )
         self.name, self.format = path.name, "CARMEN log"
         self._path = path
         self._index = build_index(path)
@@ -68,7 +71,7 @@ class CarmenLog(ScanAccess):
         self.read_errors = self._index.read_errors
         self.tag_counts: Mapping[str, int] = MappingProxyType(self._index.tag_counts)
         self._tag, self._series = next(iter(self._index.series.items()))
-        self._range_max = range_max
+        self._range_max, self._turn_time = range_max, self._series.turn_time
 
     @cached_property
     def odometry(self) -> Trajectory | None:
@@ -131,30 +134,20 @@ class CarmenLog(ScanAccess):
             raise LogFileError(f"{self._path} has changed since it was opened: {error}") from error
 
     def _scan(self, sweep: ScanRecord) -> LaserScan:
+        limit = self._default_limit if math.isnan(sweep.range_max) else _below_codes(sweep.range_max)
         return LaserScan(
             sweep.ranges,
             angle_min=sweep.angle_min,
             angle_increment=sweep.angle_increment,
-            range_max=self._limit(sweep.range_max),
+            range_max=limit if self._range_max is None else self._range_max,
             stamp=sweep.stamp,
             time_increment=self._turn_time * sweep.angle_increment / (2.0 * math.pi),
             intensities=sweep.intensities,
         )
 
-    def _limit(self, range_max: float) -> float:
-        if self._range_max is not None:
-            return self._range_max
-        if math.isnan(range_max):
-            return self._default_limit
-        return _below_codes(range_max)
-
-    @cached_property
-    def _turn_time(self) -> float:
-        """Time of a turn of the laser's mirror, seconds; 0 where it is not known."""
-        return self._series.signs.turn_time
-
     @cached_property
     def _default_limit(self) -> float:
+        """Range limit where a line gives none."""
         if self._index.max_range is not None:
             return _below_codes(self._index.max_range)
         return 80.0 if self._series.is_beyond_mm_scale else 8.18

@@ -47,21 +47,17 @@ class ReadErrorCounter:
 
     def __init__(self, unit: str = "line") -> None:
         self._unit = unit
-        self._counts: dict[str, int] = {}
-        self._first_numbers: dict[str, int] = {}
+        self._numbers: dict[str, tuple[int, int]] = {}  # by rule: how often, and where first
 
     def add(self, rule: str, number: int) -> None:
         """Count one breach of `rule`, a phrase such as ``"FLASER line cut short"``."""
-        self._counts[rule] = self._counts.get(rule, 0) + 1
-        self._first_numbers.setdefault(rule, number)
+        count, first = self._numbers.get(rule, (0, number))
+        self._numbers[rule] = (count + 1, first)
 
     def read_errors(self) -> tuple[ReadError, ...]:
         """Return one ReadError a rule, most frequent first, then in the order they were met."""
-        rules = sorted(self._counts, key=lambda rule: -self._counts[rule])
-        return tuple(
-            ReadError(rule=rule, count=self._counts[rule], first=f"{self._unit} {self._first_numbers[rule]}")
-            for rule in rules
-        )
+        found = sorted(self._numbers.items(), key=lambda item: -item[1][0])
+        return tuple(ReadError(rule=rule, count=n, first=f"{self._unit} {first}") for rule, (n, first) in found)
 
 
 def printable(text: str, longest: int = 60) -> str:
@@ -126,9 +122,7 @@ def read_line_at(path: Path, offset: int) -> bytes:
     """Return the line that begins at an offset, without its newline. Raises LogFileError."""
     with _opened(path) as raw:
         try:
-            is_gzip = raw.read(2) == GZIP_MAGIC
-            raw.seek(0)
-            stream: io.BufferedIOBase = gzip.GzipFile(fileobj=raw) if is_gzip else raw
+            stream = _unpacked(raw)
             stream.seek(offset)
             line = stream.readline(MAX_LINE_BYTES + 1)
         except (EOFError, gzip.BadGzipFile, zlib.error, OSError) as error:
@@ -170,10 +164,8 @@ def read_chunks(path: Path) -> Iterator[bytes]:
     # read1 hands over what is unpacked before it meets a break; read would lose up to a buffer of it
     with _opened(path) as raw:
         try:
-            is_gzip = raw.read(2) == GZIP_MAGIC
-            raw.seek(0)
-            stream: io.BufferedIOBase = gzip.GzipFile(fileobj=raw) if is_gzip else raw
-            left = unpacked_limit(path) if is_gzip else math.inf
+            stream = _unpacked(raw)
+            left = math.inf if stream is raw else unpacked_limit(path)
             while chunk := stream.read1(_CHUNK_BYTES):
                 left -= len(chunk)
                 if left < 0:
@@ -189,6 +181,12 @@ def read_chunks(path: Path) -> Iterator[bytes]:
             ) from error
         except OSError as error:
             raise LogFileError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+def _unpacked(raw: io.BufferedReader) -> io.BufferedIOBase:
+    is_gzip = raw.read(2) == GZIP_MAGIC
+    raw.seek(0)
+    return gzip.GzipFile(fileobj=raw) if is_gzip else raw
 
 
 @contextmanager
@@ -237,11 +235,8 @@ def unpack(path: Path, target: Path) -> bool:
 
 def is_packed(path: Path) -> bool:
     """Return whether a file begins like gzip-compressed data. Raises LogFileError."""
-    try:
-        with path.open("rb") as file:
-            return file.read(len(GZIP_MAGIC)) == GZIP_MAGIC
-    except OSError as error:
-        raise LogFileError(f"cannot read {path}: {error.strerror or error}") from error
+    with _opened(path) as raw:
+        return raw.read(len(GZIP_MAGIC)) == GZIP_MAGIC
 
 
 @contextmanager
