@@ -163,7 +163,8 @@ def choose_prior(
         return _left_out(wanted, error, f"left out: the poses in the log {what}, {why}")
     if sense is not None and sense.is_reversed:
         turns = f"scans in {sense.n_reversed} of {sense.n_turns} sharp turns"
-        error = f"the {found} of {log.name} turns against its {turns}: give clockwise=True if the sensor does, or {leave_out}"
+        helps = f"give clockwise=True if the sensor does, or {leave_out}"
+        error = f"the {found} of {log.name} turns against its {turns}: {helps}"
         return _left_out(wanted, error, f"left out: the {found} of the log turns against the {turns}")
     if wanted:
         return Prior(poses=poses, sentence=f"used: the {found} of the log, as odometry_prior=True asks")
