@@ -1,8 +1,7 @@
 """The one place that names Numba's flags.
 
-``error_model="numpy"`` keeps NaN and division semantics; ``fastmath`` stays off because under it
-``isnan`` is always False and a missing reading would pass for a measurement. Machine code is kept on disk so that only
-the first run compiles; see :mod:`curvescan._kernel_cache`.
+``error_model="numpy"`` keeps NaN and division semantics; ``fastmath`` stays off because under it ``isnan`` is always
+False and a missing reading would pass for a measurement.
 """
 
 import functools

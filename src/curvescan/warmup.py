@@ -1,8 +1,4 @@
-"""Warm-up: a simulated drive through two rooms compiles every kernel of a real one.
-
-Machine code is kept on disk, so that this takes seconds in the first run of a version and a second in the others. It
-can be made for another machine: for an image, or for a package that brings it.
-"""
+"""Warm-up: a simulated drive through two rooms compiles every kernel of a real one, here or for another machine."""
 
 import gc
 import os

@@ -1,7 +1,7 @@
-"""curvescan.datasets: public logs, downloaded once, checked and kept.
+"""curvescan.datasets: public logs, downloaded once from the repositories that hold them, checked and kept.
 
-Nothing is shipped: each file comes from the public repository that holds it. By the SHA-256 in ``datasets.toml`` the
-same name is the same bytes for everybody. Of a file that is published compressed it is that of the content.
+By the SHA-256 in ``datasets.toml`` (of a file that is published compressed: of its content) the same name is the same
+bytes for everybody.
 """
 
 import bz2

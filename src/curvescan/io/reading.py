@@ -1,8 +1,4 @@
-"""read_log and read_poses: the table of log formats, and how a file's first bytes identify them.
-
-A format is one row: a name, a sniff that looks at the first bytes after unpacking, and the reader as
-``"module:function"``, imported when a file of the format is met. Rows are tried in order.
-"""
+"""read_log and read_poses: the table of log formats, and how a file's first bytes identify them."""
 
 import os
 import pkgutil

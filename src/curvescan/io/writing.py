@@ -1,8 +1,6 @@
 """Scans, runs and maps as files: the table of log formats behind write_log, that of exports of a run, PLY and PCD.
 
-A format is one row: a name, the endings of a file's name that ask for it, and the writer as ``"module:function"``,
-imported when it is used. What each format loses of a scan stands with its writer; the writer returns what it did lose,
-a sentence each.
+What a format loses of a scan stands with its writer, which returns what it did lose, a sentence each.
 """
 
 import os

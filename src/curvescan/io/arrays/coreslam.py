@@ -1,9 +1,8 @@
-"""Scans of the Mines ParisTech rover as CoreSLAM, tinySLAM and BreezySLAM log them (``exp1.dat``).
+"""Scans of the Mines ParisTech rover as CoreSLAM, tinySLAM and BreezySLAM log them; the columns: docs/formats.md.
 
-A line a scan: column 0 microseconds, 2 and 3 the ticks of the left and right wheel, 24 to 705 the ranges of a Hokuyo
-URG-04LX in millimetres from right to left, 0 for no return. The rover's constants are those of Steux and El Hamzaoui,
-"CoreSLAM: a SLAM algorithm in less than 200 lines of C code", ICARCV 2010. In ``exp1.dat`` the wheels lead the scans
-by 0.15 s (correlation 0.92, against 0.70 line by line); the odometry is left as it is.
+The rover's constants are those of Steux and El Hamzaoui, "CoreSLAM: a SLAM algorithm in less than 200 lines of C code",
+ICARCV 2010. In ``exp1.dat`` the wheels lead the scans by 0.15 s (correlation 0.92, against 0.70 line by line); the
+odometry is left as it is.
 """
 
 import math

@@ -1,12 +1,7 @@
 """Scans as CSV, for those who write their own driver; every float64 is read again to the bit.
 
-Lines that are blank or start with ``#`` are skipped. The first other line names the columns: any of COLUMNS and
-POSE_COLUMNS, in any order, and at last ``ranges``. Then a line a scan; all fields from the column ``ranges`` on are its
-ranges, so that the number of beams may change from line to line. Metres, radians, seconds; an empty field is NaN. Two
-kinds of lines may stand before a scan:
-
-- ``angles,a0,a1,...``: directions of the beams of all scans from here on that give no angle_min and angle_increment;
-- ``intensities,i0,i1,...``: strength of the returns of the next scan.
+The layout stands in docs/formats.md: a header that names the columns, then a line a scan whose last fields are its
+ranges; lines of ``angles`` and ``intensities`` may stand before a scan.
 """
 
 import math

@@ -1,26 +1,6 @@
-"""Scans from the arrays of an .npz file, and back.
+"""Scans from the arrays of an .npz file, and back, with nothing lost; the arrays stand in docs/formats.md.
 
-``stamps`` (n,) and ``ranges`` (n, m) must be there, and ``angle_min`` and ``angle_increment``, or ``angles``. All
-others may be missing. A number that is the same for all scans may be a plain one instead of (n,).
-
-================  ==============  ==========================================================
-stamps            (n,)            seconds
-ranges            (n, m)          metres
-counts            (n,)            beams of each scan: the first of its row; missing: all m
-angle_min         (n,)            radians
-angle_increment   (n,)            radians
-angles            (m,) or (n, m)  directions of the beams, radians; a scan whose first angle is NaN has even ones
-range_min         (n,)            metres; missing: 0
-range_max         (n,)            metres; missing: no limit
-time_increment    (n,)            seconds; missing: 0, not known
-scan_time         (n,)            seconds; missing: 0, not known
-intensities       (n, m)          strength of each return; a row of NaN: none
-odometry          (n, 3)          pose of the laser by the wheels; a row of NaN: none
-================  ==============  ==========================================================
-
-Scans to the arrays of an .npz file; nothing is lost.
-
-The log is read once to learn its size, and once for each large array, so that one scan is in memory at a time. Ranges
+A log is read once to learn its size, and once for each large array, so that one scan is in memory at a time. Ranges
 that are all exact in float32, as those of ROS are, are stored so, in half the space.
 """
 

@@ -5,10 +5,8 @@ The fields, blank-separated (CARMEN's ``logger`` and ``logger_playback`` manual)
 - ``FLASER n [n ranges] x y theta odom_x odom_y odom_theta stamp host logger_stamp``
 - ``ROBOTLASER1 type start_angle fov resolution max_range accuracy remission_mode n [n ranges] m [m remissions]
   laser_x laser_y laser_theta robot_x robot_y robot_theta tv rv forward side turn_axis stamp host logger_stamp``
-- ``RAWLASER1 type start_angle fov resolution max_range accuracy remission_mode n [n ranges] m [m remissions]
-  stamp host logger_stamp``
-- ``ODOM x y theta tv rv accel stamp host logger_stamp``
-- ``PARAM name value ...``
+- ``RAWLASER1``: the same without the poses and what follows them up to the stamp
+- ``ODOM x y theta tv rv accel stamp host logger_stamp``, ``PARAM name value ...``
 
 A declared count is only ever compared with the number of fields that are there; nothing is allocated from it.
 """

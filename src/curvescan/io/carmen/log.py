@@ -2,8 +2,7 @@
 
 Which lines are read. The front laser's, as FLASER, ROBOTLASER1 or RAWLASER1. A logger may write the same sweep
 under two of these names; of a log that holds several, only the most complete one is read: ROBOTLASER1 before
-FLASER before RAWLASER1. A rear or further laser (RLASER, ROBOTLASER2, ...) is counted and not read. ``notes``
-says what was left out.
+FLASER before RAWLASER1. A rear or further laser is counted and not read.
 
 The range limit. ROBOTLASER1 and RAWLASER1 lines give it; for FLASER the parameter ``robot_front_laser_max`` of a PARAM
 line does (the last one counts). Failing both, the laser is taken for a SICK LMS, whose 13-bit codes 8183..8191
@@ -11,17 +10,7 @@ stand for *no reading*: 81.83 to 81.91 m when it counts centimetres, 8.183 to 8.
 limit is then 8.18 m when no reading of the log exceeds 8.192 m, else 80 m. A limit that lies among the codes (a
 laser declared as 81.90) is brought below the first of them.
 
-The times of the beams. FLASER lines do not give them; where the readings are those of a SICK PLS they follow
-from the speed of its mirror: see :mod:`curvescan.io.carmen.lines`.
-
-What is written. Each scan becomes a ROBOTLASER1 line, which says most of a scan: its first angle, its increment and
-its limit, where FLASER leaves all three to convention. It has a pose; where the log has no odometry for every scan
-the lines are RAWLASER1, which has none, with an ODOM line before each scan whose pose is known.
-
-Numbers have as many digits as it takes to read the same float64 again. Lost are range_min (readings below it are
-written as 0, so that they stay *no reading*), the times of beams and sweeps, and the direction of the sweep: lines run
-counter-clockwise, so that a clockwise scan is mirrored, its beams in opposite order at the same angles. No limit (inf)
-becomes the largest float64. Beams that are not evenly spaced cannot be said.
+What is written, and what is lost of it, stands in docs/formats.md. No limit (inf) becomes the largest float64.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Lines of a text file, plain or gzip-compressed, in bounded memory; whole gzip files unpacked and written.
 
-Compression is detected by the two magic bytes of gzip (RFC 1952), never by the name of the file. Compressed data
-that break off deliver what stands before the break; a line that never ends is dropped while it is read. Both
-are read errors, neither is fatal.
+Compression is detected by its first two bytes, never by the name of the file. Compressed data that break off deliver
+what stands before the break; a line that never ends is dropped. Both are read errors, neither is fatal.
 """
 
 import errno

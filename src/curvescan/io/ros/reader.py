@@ -1,8 +1,7 @@
 """RosbagLog: the laser scans of a ROS bag, ROS 1 or ROS 2, read without ROS.
 
-Scans stand in the order in which the recorder received them; their stamps are those of the message headers. Ranges and
-limits are taken as they are (REP-117): 0, NaN and infinities are *no reading*. So are the beams' directions: where the
-transforms say that the laser hangs upside down, :func:`curvescan.io.read_log` mirrors the scans.
+Ranges and limits are taken as they are (REP-117): 0, NaN and infinities are *no reading*. So are the beams' directions:
+where the transforms say that the laser hangs upside down, :func:`curvescan.io.read_log` mirrors the scans.
 """
 
 from __future__ import annotations

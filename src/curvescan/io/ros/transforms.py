@@ -1,7 +1,4 @@
-"""The tree of coordinate frames of a bag (/tf, /tf_static), and from it how each laser is mounted on its robot.
-
-Frames are compared without their leading slash: ROS 1 knew both ``/base_link`` and ``base_link``.
-"""
+"""The tree of coordinate frames of a bag (/tf, /tf_static), and from it how each laser is mounted on its robot."""
 
 import math
 from collections import deque

@@ -1,8 +1,7 @@
-"""Trajectories as text and back: one table of layouts.
+"""Trajectories as text and back: TUM, KITTI and CSV.
 
 TUM (Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", 2012): ``stamp x y z qx qy qz qw`` a line.
-KITTI: the first three rows of each pose's matrix, twelve numbers a line. CSV: the columns of CSV_HEADER, or any that
-have the names stamp (or timestamp), x, y and theta. Numbers have as many digits as it takes to read the same float64
+KITTI: the first three rows of each pose's matrix. Numbers have as many digits as it takes to read the same float64
 again: in CSV everything comes back to the bit; in the others the angle comes back within 1e-15 rad.
 """
 

@@ -1,9 +1,8 @@
 """Buckets (S3, Google Cloud Storage, Azure Blob Storage) by obstore, of the extra ``cloud``, and claims on logs.
 
-Credentials, region and endpoint are those of the environment, as the stores' own tools name them. A claim is an object
-that only one batch can create (a conditional put), and whose owner writes it anew every few seconds. One that does not
-change for `LEASE_S` belongs to a batch that has died, and may be replaced, again on condition. Clocks of different
-machines are never compared.
+A claim is an object that only one batch can create (a conditional put), and whose owner writes it anew every few
+seconds. One that does not change for `LEASE_S` belongs to a batch that has died, and may be replaced, again on
+condition. Clocks of different machines are never compared.
 """
 
 import json

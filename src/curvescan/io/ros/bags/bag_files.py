@@ -1,8 +1,7 @@
 """The files of a ROS bag: which kind they are, which of a folder belong together, and how they are unpacked.
 
 A ROS 2 bag is a folder with its storage in one file, or in several that follow each other: ``name_0.db3``,
-``name_1.db3``. The storage is found by its content; ``metadata.yaml`` repeats what the storage says and is not
-needed. A gzip-compressed storage is unpacked to a temporary file, for its readers jump to and fro.
+``name_1.db3``. It is found by its content; ``metadata.yaml`` is not needed.
 """
 
 import bz2

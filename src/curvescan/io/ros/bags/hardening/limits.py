@@ -1,8 +1,7 @@
 """Limits for rosbags' readers of ROS 1 bags and of MCAP, which trust the sizes that a file claims.
 
 Checked are what chunks unpack to, how much index a ROS 1 bag has, how many chunks of an MCAP file are held at once,
-and the YAML of ROS 2 bags, in which a few hundred bytes can stand for hours of work. ``read(n)`` of an ordinary file
-reserves n bytes before it reads: CheckedPath does not.
+and the YAML of ROS 2 bags, in which a few hundred bytes can stand for hours of work.
 """
 
 import io
