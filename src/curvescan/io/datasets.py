@@ -89,7 +89,8 @@ def fetch(name: str) -> Path:
         return Path(store.fetch(file, processor=announce, downloader=download))
     except (OSError, ValueError) as error:
         raise SourceError(
-            f"cannot download {name} from {url}: {_reason(error)}; {_remedy(store.abspath / file)}"
+            f"cannot download {name} from {url}: {_reason(error)}; try again later, or save the unpacked file as "
+            f"{store.abspath / file}"
         ) from error
 
 
@@ -103,7 +104,3 @@ def _reason(error: Exception) -> str:
     if isinstance(error, OSError) and error.errno is not None:
         return error.strerror or str(error)
     return "the content is not the one whose SHA-256 is known"
-
-
-def _remedy(path: Path) -> str:
-    return f"try again later, or save the unpacked file as {path}"

@@ -216,20 +216,16 @@ def read_poses(path: str | os.PathLike[str]) -> PoseFile:
         When it holds no poses, or is of no such format.
     """
     file = results_file(path)
-    if file.is_dir():
-        return _poses_of_log(file)
     if not file.exists():  # the readers of logs would speak of a log
         raise LogFileError(f"trajectory {path} does not exist: check the path")
-    head = read_head(file, HEAD_BYTES)
-    if any(row.sniff(head) for row in FORMATS):
-        return _poses_of_log(file)
+    head = b"" if file.is_dir() else read_head(file, HEAD_BYTES)
+    if file.is_dir() or any(row.sniff(head) for row in FORMATS):
+        log = read_log(file)
+        if log.odometry is None:
+            raise LogFormatError(
+                f"{file} is a log without poses: run `curvescan odometry` on it and give what that writes"
+            )
+        return PoseFile(trajectory=log.odometry, is_of_sensor=True)
     first = first_line(head)
     rows = plain_rows(file, first)
     return PoseFile(trajectory=Trajectory(**rows._asdict()), is_of_sensor=is_our_csv(first))
-
-
-def _poses_of_log(path: Path) -> PoseFile:
-    log = read_log(path)
-    if log.odometry is None:
-        raise LogFormatError(f"{path} is a log without poses: run `curvescan odometry` on it and give what that writes")
-    return PoseFile(trajectory=log.odometry, is_of_sensor=True)

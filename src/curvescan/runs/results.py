@@ -56,7 +56,7 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     if helper is not None and run.maps is None:
         light = dataclasses.replace(record, steps=())
         drawn = helper.call_after(_draw_places, folder, light, run.scans, is_deskewed(engine), title, run.truth, graph)
-    maps = run.maps or _maps_of_run(run, is_drawn=drawn is None)
+    maps = run.maps or maps_of_run(run, cell=0.05 if drawn is None else None)
     if maps.grid is not None:
         write_map(folder, maps.grid)
         known = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
@@ -98,10 +98,10 @@ def maps_of(
     return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=occupancy)
 
 
-def _maps_of_run(run: Run, *, is_drawn: bool) -> RunMaps:
+def maps_of_run(run: Run, *, cell: float | None) -> RunMaps:
+    """Return the maps of a run, and its occupancy; of localization the map that it is in."""
     if isinstance(run.engine, Localizer):
         return RunMaps(standing=run.engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
-    cell = 0.05 if is_drawn else None
     return maps_of(run.record, run.scans, is_deskewed=is_deskewed(run.engine), cell=cell, occupancy=run.occupancy)
 
 

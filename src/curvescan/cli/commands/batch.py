@@ -73,17 +73,12 @@ def batch(
     listed = f"{out}/manifest{'/' if '://' in out else '.jsonl'}"
     sentence = f"interrupted: the logs listed in {listed} are done; --resume goes on with the others"
     with reported_as(printable(sentence, 1000)), _display() as display:
-        result = run_batch(
-            patterns,
-            out=out,
-            job=job,
-            engine=work.engine,
-            workers=work.workers,
-            timeout=work.timeout,
-            resume=work.resume,
-            display=display,
-        )
-    OUT.print(_table(result.records))
+        result = run_batch(patterns, out=out, job=job, display=display, **vars(work))
+    shown = table("batch", "results", "scans", "path", "time", "verdict")
+    for record in result.records:
+        figures = (f"{record.scans:,}", f"{record.metres:,.1f} m") if record.scans else ("", "")
+        shown.add_row(record.folder, *figures, f"{record.seconds:.1f} s", record.verdict)
+    OUT.print(shown)
     for record in result.records:
         if record.is_failed:
             ERR.print(f"{record.input}: {with_flags(record.sentence)}", soft_wrap=True)
@@ -111,14 +106,6 @@ def _job(rules: OdometryFlags, slam: SlamConfig | None, use: LogFlags, occupancy
         "command": tuple(sys.argv),
     }
     return OdometryJob(config=rules.config(), **shared) if slam is None else SlamJob(config=slam, **shared)
-
-
-def _table(records: tuple[BatchRecord, ...]) -> object:
-    shown = table("batch", "results", "scans", "path", "time", "verdict")
-    for record in records:
-        figures = (f"{record.scans:,}", f"{record.metres:,.1f} m") if record.scans else ("", "")
-        shown.add_row(record.folder, *figures, f"{record.seconds:.1f} s", record.verdict)
-    return shown
 
 
 @contextmanager
