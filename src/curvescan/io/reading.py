@@ -15,7 +15,7 @@ from curvescan.io.files.lines import as_path, read_head
 from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import BagKind, storage_files
 from curvescan.io.sensor_setup import SensorSetup, apply_setup
-from curvescan.io.trajectories.layouts import first_line, is_our_csv, plain_rows, results_file
+from curvescan.io.trajectories.layouts import first_line, is_our_csv, results_file
 from curvescan.io.trajectories.trajectory import Trajectory
 
 HEAD_BYTES = 1 << 16  # how many unpacked bytes a sniff gets: room for the long PARAM preamble of a CARMEN log
@@ -216,9 +216,7 @@ def read_poses(path: str | os.PathLike[str]) -> PoseFile:
         When it holds no poses, or is of no such format.
     """
     file = results_file(path)
-    if not file.exists():  # the readers of logs would speak of a log
-        raise LogFileError(f"trajectory {path} does not exist: check the path")
-    head = b"" if file.is_dir() else read_head(file, HEAD_BYTES)
+    head = read_head(file, HEAD_BYTES) if file.is_file() else b""
     if file.is_dir() or any(row.sniff(head) for row in FORMATS):
         log = read_log(file)
         if log.odometry is None:
@@ -226,6 +224,4 @@ def read_poses(path: str | os.PathLike[str]) -> PoseFile:
                 f"{file} is a log without poses: run `curvescan odometry` on it and give what that writes"
             )
         return PoseFile(trajectory=log.odometry, is_of_sensor=True)
-    first = first_line(head)
-    rows = plain_rows(file, first)
-    return PoseFile(trajectory=Trajectory(**rows._asdict()), is_of_sensor=is_our_csv(first))
+    return PoseFile(trajectory=Trajectory.read(path), is_of_sensor=is_our_csv(first_line(head)))

@@ -14,7 +14,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.io.arrays.columns import Record, StreamLog
-from curvescan.io.files.lines import BrokenRecordError, LineMark, ReadErrorCounter, read_line_at, read_lines
+from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter, read_line_at, read_lines
 from curvescan.io.log import PoseRow
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
@@ -52,8 +52,8 @@ def open_coreslam(path: Path, *, range_max: float | None = None, topic: str | No
 
 
 def _records(path: Path, range_max: float, read_errors: ReadErrorCounter) -> Iterator[Record]:
-    wheels, mark = _Wheels(), LineMark()
-    for number, line in read_lines(path, read_errors, mark):
+    wheels = _Wheels()
+    for number, offset, line in read_lines(path, read_errors):
         fields = line.split()
         if not fields:
             continue
@@ -64,7 +64,7 @@ def _records(path: Path, range_max: float, read_errors: ReadErrorCounter) -> Ite
             is_ours = isinstance(error, BrokenRecordError)
             read_errors.add(str(error) if is_ours else "line with a field that is no number", number)
             continue
-        yield Record(scan, pose, (mark.offset,))
+        yield Record(scan, pose, (offset,))
 
 
 def _scan(fields: list[bytes], range_max: float) -> LaserScan:

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.io.files.lines import BrokenRecordError, LineMark, ReadError, ReadErrorCounter, printable, read_lines
+from curvescan.io.files.lines import BrokenRecordError, ReadError, ReadErrorCounter, printable, read_lines
 from curvescan.io.log import NO_POSE, PoseRow
 from curvescan.types import Floats, Ints
 
@@ -259,8 +259,7 @@ def build_index(path: Path) -> Index:
     counts: dict[bytes, int] = {}
     series = {tag: Series() for tag in SCAN_PARSERS}
     robot_pose, max_range = NO_POSE, None
-    mark = LineMark()
-    for number, line in read_lines(path, read_errors, mark):
+    for number, offset, line in read_lines(path, read_errors):
         tag = tag_of(line)
         if tag:
             # a file of arbitrary text may have as many first words as lines: they share one count
@@ -270,7 +269,7 @@ def build_index(path: Path) -> Index:
         try:
             if tag in SCAN_PARSERS:
                 sweep = SCAN_PARSERS[tag](line)
-                series[tag].add(sweep, robot_pose, mark.offset)
+                series[tag].add(sweep, robot_pose, offset)
             elif tag == b"ODOM":
                 robot_pose = parse_odom(line)
             elif tag == b"PARAM":

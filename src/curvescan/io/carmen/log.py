@@ -106,7 +106,7 @@ class CarmenLog(ScanAccess):
 
     def __iter__(self) -> Iterator[LaserScan]:
         tag, parse = self._tag, SCAN_PARSERS[self._tag]
-        for _, line in read_lines(self._path, ReadErrorCounter()):
+        for _, _, line in read_lines(self._path, ReadErrorCounter()):
             if tag_of(line) != tag:
                 continue
             try:

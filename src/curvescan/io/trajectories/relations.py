@@ -90,7 +90,7 @@ def read_relations(path: str | os.PathLike[str]) -> Relations:
     read_errors = ReadErrorCounter()
     if not as_path(path, "a file of relations").exists():  # the reader of lines would speak of a log
         raise LogFileError(f"relations file {path} does not exist: check the path")
-    for number, line in read_lines(Path(path), read_errors):
+    for number, _, line in read_lines(Path(path), read_errors):
         fields = line.split()
         if fields and not fields[0].startswith(b"#"):
             rows.extend(_numbers(fields, f"{path}, line {number}"))
