@@ -36,11 +36,8 @@ class _PrintableConsole(Console):
             if segment.control or text.isprintable() or text == "\n":
                 yield segment
             else:
-                yield Segment(_without_controls(text), segment.style)
-
-
-def _without_controls(text: str) -> str:
-    return "".join(ch if ch.isprintable() or ch in "\n\t" else "?" for ch in text)
+                plain = "".join(ch if ch.isprintable() or ch in "\n\t" else "?" for ch in text)
+                yield Segment(plain, segment.style)
 
 
 OUT = _PrintableConsole(

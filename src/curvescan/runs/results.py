@@ -20,6 +20,8 @@ from curvescan.configs import as_plain
 from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import storage_files
 from curvescan.io.trajectories.layouts import write_csv, write_tum
+from curvescan.io.trajectories.relations import write_g2o
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.mapping.run_maps import RunMaps, build_maps
@@ -27,7 +29,7 @@ from curvescan.odometry import Odometry, RunRecord, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.odometry.step import IN_MAP
 from curvescan.plots.map import draw_graph, draw_map, draw_occupancy, draw_wheels
-from curvescan.runs.graph_files import describe_graph, save_graph, write_closures, write_view_file
+from curvescan.runs.graph_files import describe_graph, write_closures, write_view_file
 from curvescan.runs.odometry_process import OdometryProcess
 from curvescan.slam import Localizer, Slam
 from curvescan.slam.map import SlamMap
@@ -67,7 +69,8 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
         write_tum(folder / "trajectory_online.tum", record.online)
         slam_map = with_grid(engine.map, maps, run.occupancy)
         slam_map.save(folder / "map.csmap")
-        save_graph(folder, slam_map)
+        keyframes = Trajectory(stamps=np.array([scan.stamp for scan in slam_map.scans]), poses=slam_map.poses)
+        write_g2o(folder / "graph.g2o", keyframes, slam_map.edges)
         write_closures(folder / "closures.csv", engine.closures)
         write_view_file(
             folder,

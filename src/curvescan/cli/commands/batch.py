@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import tyro
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from curvescan._interrupts import reported_as
 from curvescan.cli.console import ERR, OUT, table, with_flags
@@ -111,7 +112,7 @@ def _job(rules: OdometryFlags, slam: SlamConfig | None, use: LogFlags, occupancy
 @contextmanager
 def _display() -> Iterator[BatchDisplay]:
     """Yield what shows a batch: one bar for the whole, and what has failed so far."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from curvescan.runs.batch.batch import BatchDisplay
 
     progress = Progress(
         SpinnerColumn(),
@@ -125,11 +126,10 @@ def _display() -> Iterator[BatchDisplay]:
     )
     task = progress.add_task("batch", total=None, said="")
 
-    class Display:
+    class Display(BatchDisplay):
         """Shows a batch."""
 
-        def __init__(self) -> None:
-            self._n_failed = 0
+        _n_failed = 0
 
         def begin(self, stage: str, n_logs: int) -> None:
             progress.update(task, description=stage, total=n_logs or None)

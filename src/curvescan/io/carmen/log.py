@@ -27,7 +27,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
-from curvescan.io.carmen.lines import SCAN_PARSERS, Index, ScanRecord, build_index, tag_of
+from curvescan.io.carmen.lines import SCAN_PARSERS, ScanRecord, build_index, tag_of
 from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter, printable, read_line_at, read_lines, text_file
 from curvescan.io.log import Log, ScanAccess, scans_with_poses
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -56,7 +56,15 @@ class CarmenLog(ScanAccess):
         self._path = path
         self._index = build_index(path)
         if not self._index.series:
-            raise LogFormatError(_no_scan_message(path, self._index))
+            if self._index.read_errors:
+                raise LogFormatError(
+                    f"{path} is a CARMEN log without a scan that can be read: {self._index.read_errors[0]}"
+                )
+            tags = printable(", ".join(self._index.tag_counts), 300) or "none"
+            raise LogFormatError(
+                f"{path} is a CARMEN log without a scan: it needs FLASER, ROBOTLASER1 or RAWLASER1 lines, and holds "
+                f"{tags}"
+            )
         self.read_errors = self._index.read_errors
         self.tag_counts: Mapping[str, int] = MappingProxyType(self._index.tag_counts)
         self._tag, self._series = next(iter(self._index.series.items()))
@@ -166,13 +174,6 @@ def _below_codes(range_max: float) -> float:
         if below < range_max <= end:
             return below
     return range_max
-
-
-def _no_scan_message(path: Path, index: Index) -> str:
-    if index.read_errors:
-        return f"{path} is a CARMEN log without a scan that can be read: {index.read_errors[0]}"
-    tags = printable(", ".join(index.tag_counts), 300) or "none"
-    return f"{path} is a CARMEN log without a scan: it needs FLASER, ROBOTLASER1 or RAWLASER1 lines, and holds {tags}"
 
 
 def write_carmen(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
