@@ -203,7 +203,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "cli": (2508, 15, 0),
     "diagnostics": (2024, 57, 0),
     "evaluation": (828, 15, 0),
-    "io": (5941, 38, 0),
+    "io": (5908, 38, 0),
     "live": (2944, 41, 0),
     "mapping": (853, 17, 8),
     "matchers": (669, 5, 0),
