@@ -85,8 +85,8 @@ def _graph(seed: int) -> tuple[PoseGraph, np.ndarray]:
 
 def _optimize(graph: PoseGraph) -> np.ndarray:
     edges = Edges.of(graph.ends, graph.measured, graph.covariances)
-    graph.poses[:] = optimize(graph.poses, edges, graph.weights, np.array([0])).poses
-    information, _, _ = normal_equations(graph.poses, edges, graph.weights, np.array([0]))
+    graph.poses[:] = optimize(graph.poses, edges, graph.weights, np.array([0]))
+    information, _ = normal_equations(graph.poses, edges, graph.weights, np.array([0]))
     return marginal_covariances(information, np.array([0]))
 
 

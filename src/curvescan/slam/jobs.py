@@ -127,7 +127,7 @@ def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
     anchors[labels[k]] = k
     used = np.flatnonzero(weights > 0.0)
     edges = Edges.of(ends, solved.measured, scaled).chosen(used)
-    information, _, _ = normal_equations(poses, edges, weights[used], anchors)
+    information, _ = normal_equations(poses, edges, weights[used], anchors)
     found = marginal_covariances(information, anchors)
     found[labels != labels[k]] = UNKNOWN
     # what each of both scans adds to all of its edges; of what a match leaves open it says nothing
