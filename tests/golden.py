@@ -1,6 +1,6 @@
-"""What the matchers, the odometry and SLAM answer today, to every digit: `python -m tests.golden` writes golden.json anew.
+"""What the matchers, the odometry and SLAM answer today, to every digit: `python -m tests.golden` writes the file anew.
 
-A change that moves no result leaves the file alone; one that does is made on purpose, with this file in its commit.
+A change that moves no result leaves golden.json alone; one that does is made on purpose, with it in its commit.
 `python -m tests.golden --digest` prints one hash of all bits, for two trees on one machine.
 """
 
@@ -71,7 +71,7 @@ def answers() -> Iterator[dict[str, Any]]:
 
 
 def _of_slam() -> dict[str, Any]:
-    """Two laps round a room, the second the other way: odometry, keyframes, loop closures, their graph and its end."""
+    """Return what SLAM makes of two laps round a room, the second the other way."""
     angle = np.concatenate((np.linspace(0.0, 2.2 * np.pi, 90), np.linspace(2.2 * np.pi, 0.5, 70)[1:]))
     heading = angle + np.where(np.arange(len(angle)) < 90, 0.5, -0.5) * np.pi
     laps = np.column_stack((np.cos(angle), np.sin(angle), heading))
