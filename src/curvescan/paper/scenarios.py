@@ -157,8 +157,9 @@ def run_scenario(
 
     def collect(step: Step) -> None:
         result, k = step.match, step.index
-        if result is not None:
-            motions[k] = _unrefused(result, motions[k - 1])
+        if result is not None:  # its pose, the one that it had and refused, or else the last motion once more
+            refused = result.trace.pose if isinstance(result.trace, IterationTrace) else motions[k - 1]
+            motions[k] = result.pose if result.ok else refused
         if result is not None and result.ok:
             variances.append(np.diag(result.covariance))
             lu_milios.append(np.diag(lu_milios_covariance(log[k - 1], log[k], result)))
@@ -186,15 +187,6 @@ def run_scenario(
         end_unrefused=_end_error(log.truth.poses, motions[1:]),
         is_discarded=is_discarded,
     )
-
-
-def _unrefused(result: MatchResult, last_motion: Pose) -> Pose:
-    """Return the pose of a match, the one that it had and refused, or else the last motion once more."""
-    if result.ok:
-        return result.pose
-    if isinstance(result.trace, IterationTrace):
-        return result.trace.pose
-    return last_motion
 
 
 def _end_error(true_poses: Pose, motions: Pose) -> float:

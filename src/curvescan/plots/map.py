@@ -26,7 +26,7 @@ from curvescan.plots.colours import DARK, FAILED, GREY, LIGHT, PAIRED, PATH, TRU
 from curvescan.slam.loops.closures import is_loop
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Bools, Points, Pose
+from curvescan.types import Points, Pose
 
 _STYLE = Path(__file__).with_name("curvescan.mplstyle")
 _DPI = 150
@@ -177,16 +177,11 @@ def plot_graph(slam_map: SlamMap, axes: Axes) -> None:
         (is_closure & ~is_used, FAILED, "without weight"),
         (follows, PATH, "keyframes that follow each other"),
     ):
-        _draw_edges(axes, slam_map, chosen, colour, f"{label} ({np.count_nonzero(chosen):,})")
+        if chosen.any():
+            lines = list(slam_map.poses[slam_map.ends[chosen], :2])
+            axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.4))
+            axes.plot([], [], color=colour, lw=1.0, label=f"{label} ({len(lines):,})")
     axes.plot(*slam_map.poses[:, :2].T, ".", color=PATH, ms=2, mew=0)
-
-
-def _draw_edges(axes: Axes, slam_map: SlamMap, chosen: Bools, colour: str, label: str) -> None:
-    if not chosen.any():
-        return
-    lines = slam_map.poses[slam_map.ends[chosen], :2]
-    axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=0.4))
-    axes.plot([], [], color=colour, lw=1.0, label=label)
 
 
 _COLOURS = {"unknown": "#c4c7cc", "free": "#ffffff", "occupied": DARK}

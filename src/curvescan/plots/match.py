@@ -11,14 +11,13 @@ from curvescan import se2
 from curvescan._version import __version__
 from curvescan.matchers import match
 from curvescan.matchers.cfsma.config import CfSmaConfig
-from curvescan.matchers.cfsma.features import CfSmaFeatures
 from curvescan.matchers.cfsma.landmarks import Verdict
 from curvescan.matchers.cfsma.trace import CfSmaTrace, count_gates
 from curvescan.matchers.result import Label, MatchResult
 from curvescan.plots.colours import DARK, FIRST, GREY, PAIRED, PATH, SECOND, segment_colour
 from curvescan.plots.map import as_place, drawing, drawing_places
 from curvescan.scan import LaserScan
-from curvescan.types import Ints, Points
+from curvescan.types import Points
 
 _SENSOR: dict[str, Any] = {"marker": (3, 0, -90), "color": PATH, "ms": 8.0, "ls": "none"}
 
@@ -62,9 +61,13 @@ def draw_segments(path: Path, trace: CfSmaTrace, names: tuple[str, str]) -> None
     points = np.concatenate([features.points for features in scans])
     with drawing_places(path, _with_sensor(points), 2, legend=3) as places:
         for axes, features, name in zip(places, scans, names, strict=True):
-            _draw_segments(axes, features)
-            n_points = len(features.landmarks)
-            as_place(axes, f"{name}: CF-SMA, {len(features.starts)} segments, {n_points} corners")
+            axes.plot(*features.points.T, ".", color=GREY, ms=3, label="isolated reading")
+            for k, (start, stop) in enumerate(zip(features.starts, features.stops, strict=True)):
+                axes.plot(*features.points[start:stop].T, ".-", color=segment_colour(k), ms=3, lw=0.7)
+            corners = features.points[features.landmarks.extents[:, 0]]
+            axes.plot(*corners.T, "o", mfc="none", mec=DARK, ms=7, label="characteristic point")
+            axes.plot(0, 0, **_SENSOR, label="sensor")
+            as_place(axes, f"{name}: CF-SMA, {len(features.starts)} segments, {len(corners)} corners")
 
 
 def draw_curvature(path: Path, trace: CfSmaTrace, names: tuple[str, str], min_curvature: float) -> None:
@@ -77,7 +80,13 @@ def draw_curvature(path: Path, trace: CfSmaTrace, names: tuple[str, str], min_cu
             (top, trace.reference, names[0], paired["reference"]),
             (bottom, trace.current, names[1], paired["current"]),
         ):
-            _draw_functions(axes, features, rows)
+            for k, (start, stop) in enumerate(zip(features.starts, features.stops, strict=True)):
+                axes.plot(np.arange(start, stop), features.eta[start:stop], color=segment_colour(k), lw=1.0)
+                axes.axvline(start, color=GREY, lw=0.5, zorder=0)
+            at = features.landmarks.extents[:, 0]
+            axes.plot(at, features.eta[at], "o", mfc="none", mec=DARK, ms=6, label="characteristic point")
+            axes.plot(at[rows], features.eta[at[rows]], "o", color=PAIRED, ms=6, label="paired")
+            axes.margins(x=0.01)
             axes.axhline(min_curvature, color=PATH, lw=1.0, ls="--", label=f"±U_p = {min_curvature:g} rad")
             axes.axhline(-min_curvature, color=PATH, lw=1.0, ls="--")
             axes.set_title(name)
@@ -106,25 +115,6 @@ def draw_matched(path: Path, result: MatchResult, scans: tuple[LaserScan, LaserS
 
 def _with_sensor(points: Points) -> Points:
     return np.concatenate([points, np.zeros((1, 2))])
-
-
-def _draw_segments(axes: Axes, features: CfSmaFeatures) -> None:
-    axes.plot(*features.points.T, ".", color=GREY, ms=3, label="isolated reading")
-    for k, (start, stop) in enumerate(zip(features.starts, features.stops, strict=True)):
-        axes.plot(*features.points[start:stop].T, ".-", color=segment_colour(k), ms=3, lw=0.7)
-    corners = features.points[features.landmarks.extents[:, 0]]
-    axes.plot(*corners.T, "o", mfc="none", mec=DARK, ms=7, label="characteristic point")
-    axes.plot(0, 0, **_SENSOR, label="sensor")
-
-
-def _draw_functions(axes: Axes, features: CfSmaFeatures, paired: Ints) -> None:
-    for k, (start, stop) in enumerate(zip(features.starts, features.stops, strict=True)):
-        axes.plot(np.arange(start, stop), features.eta[start:stop], color=segment_colour(k), lw=1.0)
-        axes.axvline(start, color=GREY, lw=0.5, zorder=0)
-    at = features.landmarks.extents[:, 0]
-    axes.plot(at, features.eta[at], "o", mfc="none", mec=DARK, ms=6, label="characteristic point")
-    axes.plot(at[paired], features.eta[at[paired]], "o", color=PAIRED, ms=6, label="paired")
-    axes.margins(x=0.01)
 
 
 def draw_overlay(axes: Axes, result: MatchResult, points_ref: Points, points_cur: Points) -> None:

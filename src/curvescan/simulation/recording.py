@@ -107,7 +107,13 @@ def simulate(
     if poses is not None:
         truth = _given(poses, n_scans)
     else:
-        truth = _driven(world, drive or Drive(), sensor.period, n_scans, np.random.default_rng(child(seed, PATH)))
+        drive, rng = drive or Drive(), np.random.default_rng(child(seed, PATH))
+        if n_scans is None and (drive.path == "home" or len(world.route) < 2):
+            n_scans = _DEFAULT_SCANS
+        if drive.path == "home" and n_scans is not None:
+            truth = drive_home(world, drive, sensor.period, rng, n_scans)
+        else:
+            truth = drive_route(world, drive, sensor.period, rng, n_scans)
     stamps: Floats = sensor.period * np.arange(len(truth), dtype=np.float64)
     circles = walk(world, truth, n_people, People(), sensor.period, child(seed, PEOPLE))
     velocities = None
@@ -192,11 +198,3 @@ def _given(poses: ArrayLike, n_scans: int | None) -> Pose:
     if n_scans is not None and n_scans > len(truth):
         raise InvalidArgumentError(f"n_scans is {n_scans}, but only {len(truth)} poses are given")
     return truth[:n_scans]
-
-
-def _driven(world: World, drive: Drive, period: float, n_scans: int | None, rng: np.random.Generator) -> Pose:
-    if n_scans is None and (drive.path == "home" or len(world.route) < 2):
-        n_scans = _DEFAULT_SCANS
-    if drive.path == "home" and n_scans is not None:
-        return drive_home(world, drive, period, rng, n_scans)
-    return drive_route(world, drive, period, rng, n_scans)

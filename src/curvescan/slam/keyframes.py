@@ -72,7 +72,7 @@ class Keyframes:
         k = len(self._all)
         self._all.append(keyframe)
         self._profiles.append(range_profile(keyframe.scan))
-        self.index.add(self.signature(self.prepared(k)))
+        self.index.append(self.signature(self.prepared(k)))
         return k
 
     @property

@@ -11,6 +11,7 @@ import curvescan as cs
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamMap
+from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import contour_length, is_same, likely_poses, thinned
 from curvescan.slam.localization.field import DistanceField, field_of
 from curvescan.slam.localization.prior import Prior
@@ -126,7 +127,9 @@ def test_what_the_views_decide_alone_stands_where_it_was_likely_before(
     views = _views(_place(0.0, 0.39), _place(0.7, 0.28))
     assert views.winner is not None
     prior = Prior.of((begins_at, 0.0, 0.0), np.diag([0.5, 0.5, 0.07]))
-    likely = MapSearch(field, stored.poses, 5).known(prior, np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]]))
+    likely = MapSearch(field, stored.poses, Keyframes("curvescan", None, 1), 5).known(
+        prior, np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]])
+    )
     found = [replace(place, prior=float(k)) for place, k in zip(views.found, likely, strict=True)]
     assert (likely[0] > 0.0) == is_sure
     assert (replace(views, found=found).winner is not None) is is_sure
@@ -168,18 +171,18 @@ def test_one_view_does_not_overrule_those_before() -> None:
 @pytest.mark.slow
 def test_support_is_carried_on_by_the_motion(stored: SlamMap, field: DistanceField) -> None:
     poses = lap()[[10, 20, 30]]
-    search = MapSearch(field, stored.poses, 5)
+    search = MapSearch(field, stored.poses, Keyframes("curvescan", None, 1), 5)
     supports: list[float] = []
     views = None
     for k, scan in enumerate(scans(poses, seed=2)):
         moved = UncertainPose(se2.between(poses[k - 1], poses[k]), np.zeros((3, 3)))
-        views = search.look(_points(scan), before=(views, moved) if views else None)
+        views = search.look(scan, before=(views, moved) if views else None)
         best = views.found[0]
         assert is_same(best.pose, se2.between(lap()[0], poses[k]))
         supports.append(best.support)
     assert supports[0] < supports[1] < supports[2]
     # without the motion between them views do not add up
-    first = search.look(_points(scans(poses[:1], seed=2)[0])).found[0]
+    first = search.look(scans(poses[:1], seed=2)[0]).found[0]
     assert first.support == first.view
 
 

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import tyro
 
+from curvescan.cli.console import ERR, OUT, free_port, open_browser, show, wait, with_flags
 from curvescan.cli.options import BenchmarkName, Flag, LaserPose, OutFolder, in_radians, results_folder
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.writing import ExportName
+from curvescan.io.writing import ExportName, RunData, write_exports, write_pcd, write_ply
 
 if TYPE_CHECKING:
     from typing_extensions import TypeIs
@@ -93,8 +94,6 @@ def edit_map(
     export
         Also write the keyframes as trajectory.kitti, graph.g2o or run.mcap.
     """
-    from curvescan.cli.console import OUT
-    from curvescan.io.writing import RunData, write_exports, write_pcd, write_ply
     from curvescan.slam.editing import operations
     from curvescan.slam.editing.edits import keyframe_trajectory, map_folder
     from curvescan.slam.localization.grid_map import opened
@@ -150,7 +149,6 @@ def _merged(one: AnyMap, other: AnyMap) -> AnyMap:
 
 def _compared(one: AnyMap, later: AnyMap) -> list[Change]:
     """Return what changed, after the later map has been laid on the other."""
-    from curvescan.cli.console import ERR
     from curvescan.slam.editing import operations
     from curvescan.slam.editing.merging import in_one_frame, laid_on
 
@@ -208,7 +206,6 @@ def view(
     http_port
         Port of the page; 8765, or a free one if that is in use.
     """
-    from curvescan.cli.console import ERR, OUT, free_port, open_browser, wait
     from curvescan.live.finished.site import FinishedSite
     from curvescan.live.finished.view import view as view_runs
     from curvescan.live.server import PageServer
@@ -262,7 +259,6 @@ def evaluate(
     out
         Folder for evaluation.md, evaluation.json and two figures; without it nothing is written.
     """
-    from curvescan.cli.console import OUT, show, with_flags
     from curvescan.runs.evaluation import evaluate as measure
     from curvescan.runs.evaluation import tables_of
 

@@ -77,7 +77,7 @@ def edited(slam_map: SlamMap, edits: Sequence[Edit], config: SlamConfig | None =
     """
     if not edits:
         return slam_map
-    graph = Problem.of_map(slam_map)
+    graph = Problem.of(slam_map)
     for edit in edits:
         graph = _applied(graph, edit)
     return solved(slam_map, graph, config or SlamConfig())
@@ -142,7 +142,7 @@ def solved(slam_map: SlamMap, graph: Problem, config: SlamConfig) -> SlamMap:
         weights=optimum.weights,
         grid=None,
     )
-    return replace(new, covariances=covariances_seen_from(Problem.of_map(new), config.noise))
+    return replace(new, covariances=covariances_seen_from(Problem.of(new), config.noise))
 
 
 def ask_match(slam_map: SlamMap, i: int, j: int, config: SlamConfig | None = None) -> tuple[MatchResult, Edit | None]:

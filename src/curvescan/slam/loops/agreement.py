@@ -74,10 +74,8 @@ def agreements(pool: list[Closure], chain: Chain, config: SlamConfig, known: flo
     """
     ends = np.array([(c.i, c.j) for c in pool], dtype=np.int64)
     measured, covariances = np.array([c.pose for c in pool]), np.array([c.covariance for c in pool])
-    floor = np.diagonal(config.noise.floor).copy()
-    step = config.keyframes.distance
-    distances = cycle_distances(ends, measured, covariances, *chain, floor, step, known)
-    return np.asarray(distances < GATE)
+    spread, step = np.diagonal(config.noise.spread).copy(), config.keyframes.distance
+    return np.asarray(cycle_distances(ends, measured, covariances, *chain, spread, step, known) < GATE)
 
 
 def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:

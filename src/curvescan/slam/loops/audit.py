@@ -58,10 +58,7 @@ class Contradiction:
 
 
 def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> list[Contradiction]:
-    """Return what groups of matches, by row, say against a map, the largest first.
-
-    A few keyframes may be deceived: it takes five. poses (n, 3): of the map; numbers (n,).
-    """
+    """Return what groups of matches, by row, say against a map, the largest first: a few keyframes may be deceived."""
     found: list[Contradiction] = []
     for group in groups:
         if len({c.j for c in group}) < _N_KEYFRAMES:

@@ -1,7 +1,4 @@
-"""PoseGraph: keyframe poses and the measured poses between them.
-
-The graph only stores; :mod:`optimization` moves the poses and weighs the edges.
-"""
+"""PoseGraph: keyframe poses and the measured poses between them. It only stores; the optimization moves and weighs."""
 
 from __future__ import annotations
 
@@ -77,7 +74,7 @@ class PoseGraph:
         return self._edges.array["measured"]
 
     @property
-    def covariances(self) -> Cov:
+    def edge_covariances(self) -> Cov:
         """(n_edges, 3, 3): of each measured pose, in the frame of i."""
         return self._edges.array["covariance"]
 
@@ -122,10 +119,7 @@ class PoseGraph:
 
 
 def components(ends: Ints, n_poses: int) -> Ints:
-    """Return (n_poses,) number of the connected component of each pose, the one of pose 0 first.
-
-    ends (m, 2).
-    """
+    """Return (n_poses,) number of the connected component of each pose by edges (m, 2), the one of pose 0 first."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
 
