@@ -18,7 +18,7 @@ function readColours() {
 }
 isDark.addEventListener("change", readColours);
 
-function showMessage(text) { $("message").textContent = text; $("message").hidden = !text; }
+function showMessage(text) { $("message").textContent = text; $("message").hidden = !text; redraw(); }
 function chip(id, tone, text, title = "") {
   $(id).className = "chip " + tone; $(id).lastElementChild.textContent = text; $(id).title = title;
 }
@@ -69,7 +69,8 @@ function layOut() {
   const panel = $("panel").getBoundingClientRect(), isNarrow = panel.width > 0.6 * innerWidth;
   const dock = $("dock") ? $("dock").getBoundingClientRect().height + 16 : 0;
   const left = isNarrow ? 20 : panel.right + 20, above = isNarrow ? Math.min(panel.bottom + 20, 0.6 * innerHeight) : 24;
-  const below = dock + (isNarrow && !dock ? 120 : 60); // buttons, and the message above them
+  const message = $("message"), told = message.hidden ? 0 : innerHeight - message.getBoundingClientRect().top + 12;
+  const below = Math.max(dock + (isNarrow && !dock ? 120 : 60), told); // buttons, and the message above them
   const width = Math.max(innerWidth - left - 24, 60), height = Math.max(innerHeight - above - below, 60);
   const isStacked = isNarrow || width < 500, w = isStacked ? width : width / stage.n, h = isStacked ? height / stage.n : height;
   stage.panes = Array.from({ length: stage.n }, (_, k) => {
