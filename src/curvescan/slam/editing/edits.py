@@ -38,26 +38,14 @@ _PINNED = np.diag([1e-6, 1e-6, 1e-6])
 
 @dataclass(frozen=True, kw_only=True)
 class Edit:
-    """One edit.
-
-    Attributes
-    ----------
-    do : str
-        "drop" the closures between keyframes `i` and `j`; "add" one; "pin" keyframe `i`; "forbid" all closures that end
-        on a keyframe from `i` to `j`.
-    i, j : int
-        Rows of keyframes in the map that is edited; `j` is `i` for "pin".
-    pose : tuple of float or None
-        For "add" the pose of j in the frame of i; for "pin" where the keyframe stays, None for where it is.
-    covariance : tuple of float or None
-        For "add" the nine numbers of its covariance.
-    """
+    """One edit: "drop" the closures between two keyframes, "add" one, "pin" a keyframe, "forbid" those of a stretch."""
 
     do: str
-    i: int
-    j: int
+    i: int  # rows of keyframes in the map that is edited; "forbid": closures that end on one from i to j
+    j: int  # i for "pin"
+    # for "add" the pose of j in the frame of i; for "pin" where the keyframe stays, None for where it is
     pose: tuple[float, ...] | None = None
-    covariance: tuple[float, ...] | None = None
+    covariance: tuple[float, ...] | None = None  # for "add" the nine numbers of its covariance
 
     def __post_init__(self) -> None:
         if self.do not in _KINDS:

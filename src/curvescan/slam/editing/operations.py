@@ -21,21 +21,11 @@ _TOLERANCE_CELLS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """One thing that changed between two maps.
+    """One thing that changed between two maps."""
 
-    Attributes
-    ----------
-    kind : str
-        "appeared" or "gone".
-    box : tuple of float
-        Where: least x and y, largest x and y, metres.
-    area : float
-        Of its cells, square metres.
-    """
-
-    kind: str
-    box: Box
-    area: float
+    kind: str  # "appeared" or "gone"
+    box: Box  # where: least x and y, largest x and y, metres
+    area: float  # of its cells, square metres
 
 
 def resampled(slam_map: SlamMap, resolution: float) -> SlamMap:
