@@ -205,10 +205,8 @@ def pair_bound(pair: ScanPair, sensor: Sensor) -> Cov:
         information += half
     if np.linalg.eigvalsh(information)[0] <= 1e-6 * np.trace(information):
         return np.full((3, 3), np.nan)
-    turn = np.eye(3)
-    turn[:2, :2] = se2.rotation(pair.pose[2])
-    bound: Cov = turn @ np.linalg.inv(information) @ turn.T
-    return bound
+    turn = _adjoint(pair.pose * [0.0, 0.0, 1.0])
+    return np.asarray(turn @ np.linalg.inv(information) @ turn.T)
 
 
 def median_error(bounds: list[Cov], *, seed: int = 0) -> float:
@@ -225,18 +223,14 @@ def median_error(bounds: list[Cov], *, seed: int = 0) -> float:
 def _normals(world: World, pose: Pose, points: Points, hit_idx: Ints) -> Points:
     """Return the unit normal, in the sensor frame, of the surface at each point that is hit."""
     segments, curves = world.segments, world.curves
-    centres = np.zeros_like(points)
     straight = np.stack([segments[:, 1] - segments[:, 3], segments[:, 2] - segments[:, 0]], axis=1)
     is_straight = (hit_idx >= 0) & (hit_idx < len(segments))
     is_curved = hit_idx >= len(segments)
     normals = np.full_like(points, np.nan)
-    turn_back = se2.rotation(-pose[2])
-    normals[is_straight] = straight[hit_idx[is_straight]] @ turn_back.T
-    inverse = se2.inverse(pose)
-    centres[is_curved] = se2.transform(inverse, curves[hit_idx[is_curved] - len(segments), :2])
-    normals[is_curved] = points[is_curved] - centres[is_curved]
-    unit: Points = normals / np.hypot(normals[:, 0], normals[:, 1])[:, np.newaxis]
-    return unit
+    normals[is_straight] = straight[hit_idx[is_straight]] @ se2.rotation(-pose[2]).T
+    centres = se2.transform(se2.inverse(pose), curves[hit_idx[is_curved] - len(segments), :2])
+    normals[is_curved] = points[is_curved] - centres
+    return np.asarray(normals / np.hypot(normals[:, 0], normals[:, 1])[:, np.newaxis])
 
 
 def _is_seen(ranges: Floats, pose: Pose, other_ranges: Floats, other_usable: Bools, sensor: Sensor) -> Bools:
@@ -259,8 +253,7 @@ def _is_seen(ranges: Floats, pose: Pose, other_ranges: Floats, other_usable: Boo
         with np.errstate(invalid="ignore"):
             same = np.abs(other_ranges[near] - distance) < _SAME_SURFACE
         seen |= same & other_usable[near]
-    is_comparable: Bools = seen & is_hit & (beam < n)
-    return is_comparable
+    return np.asarray(seen & is_hit & (beam < n))
 
 
 def _adjoint(pose: Pose) -> Floats:

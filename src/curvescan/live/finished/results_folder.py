@@ -160,13 +160,14 @@ def describe_map(
         i, j = int(c["keyframe_i"]), int(c["keyframe_j"])
         # neighbours along the path are matched too; they close no loop
         of_neighbours = "" if c["kind"] == "loop closure" else " (neighbours)"
-        what = (c["outcome"] + of_neighbours, c["meaning"])
+        name, text = c["outcome"], c["meaning"]
         weight = weight_of.pop((row_of.get(i, -1), row_of.get(j, -1)), None)
-        if c["outcome"] in _ACCEPTED and weight is None and i in row_of and j in row_of:
-            what = (_DROPPED[0] + of_neighbours, _DROPPED[1])
-        elif c["outcome"] in _ACCEPTED and weight is not None and weight <= _FOLLOWED:
-            what = (_UNFOLLOWED[0] + of_neighbours, _UNFOLLOWED[1])
-        add(i, j, what, *(float(c[name] or "nan") for name in ("score", "confidence", "squared_mahalanobis")))
+        if name in _ACCEPTED and weight is None and i in row_of and j in row_of:
+            name, text = _DROPPED
+        elif name in _ACCEPTED and weight is not None and weight <= _FOLLOWED:
+            name, text = _UNFOLLOWED
+        values = (float(c[column] or "nan") for column in ("score", "confidence", "squared_mahalanobis"))
+        add(i, j, (name + of_neighbours, text), *values)
     for (i, j), weight in weight_of.items():
         add(int(numbers[i]), int(numbers[j]), _CARRIED if weight > _FOLLOWED else _UNFOLLOWED, *(np.nan,) * 3)
     counts = Counter(kind)

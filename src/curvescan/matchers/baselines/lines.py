@@ -17,7 +17,7 @@ from curvescan.matchers.baselines.points import ScanPoints
 from curvescan.types import Floats, Ints, Points
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Lines:
     """Line segments of one scan."""
 
@@ -49,13 +49,7 @@ def extract_lines(points: ScanPoints, config: LinesConfig) -> Lines:
     starts, stops = _split_and_merge(ordered, points.starts, points.stops, config.max_error)
     centres, directions, extents = _fit_all(ordered, starts, stops)
     keep = (stops - starts >= config.min_readings) & (np.ptp(extents, axis=1) >= config.min_length)
-    return Lines(
-        centres=centres[keep],
-        directions=directions[keep],
-        extents=extents[keep],
-        starts=starts[keep],
-        stops=stops[keep],
-    )
+    return Lines(*(column[keep] for column in (centres, directions, extents, starts, stops)))
 
 
 def nearest_lines(points: Points, lines: Lines, max_distance: float) -> tuple[Ints, Floats]:

@@ -27,16 +27,14 @@ def median_filter(readings: Readings, n_readings: int) -> Readings:
     return replace(readings, ranges=ranges, points=readings.points * (ranges / readings.ranges)[:, np.newaxis])
 
 
-def is_visible(points: Points, is_joined: Bools, angle_step: float) -> Bools:
-    """Return which readings a viewer at the origin sees: from the front, nothing before them (projection filter)."""
-    return _is_visible(points, is_joined, max(angle_step, 1e-3), HIDDEN_MARGIN)
-
-
 @kernel
-def _is_visible(points: Points, is_joined: Bools, angle_step: float, margin: float) -> Bools:
-    """Draw all stretches that face the origin into a ring of least ranges, then look each reading up."""
+def is_visible(points: Points, is_joined: Bools, angle_step: float) -> Bools:
+    """Return which readings a viewer at the origin sees: from the front, nothing before them (projection filter).
+
+    All stretches that face the origin are drawn into a ring of least ranges, then each reading is looked up.
+    """
     n = points.shape[0]
-    n_bins = math.ceil(2.0 * math.pi / angle_step)
+    n_bins = math.ceil(2.0 * math.pi / max(angle_step, 1e-3))
     width = 2.0 * math.pi / n_bins
     nearest = np.full(n_bins, np.inf)
     bearings, ranges = np.empty(n), np.empty(n)
@@ -62,7 +60,7 @@ def _is_visible(points: Points, is_joined: Bools, angle_step: float, margin: flo
     visible = np.ones(n, dtype=np.bool_)
     for i in range(n):
         at = math.floor((bearings[i] + math.pi) / width) % n_bins
-        visible[i] = turns_back[i] < 2 and ranges[i] <= nearest[at] + margin
+        visible[i] = turns_back[i] < 2 and ranges[i] <= nearest[at] + HIDDEN_MARGIN
     return visible
 
 
