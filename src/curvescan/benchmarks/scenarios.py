@@ -10,7 +10,7 @@ other scan, as noisy as the first, so that each beam that both scans can compare
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from curvescan.paper.random_transform import is_success
 from curvescan.simulation import SENSORS, ScanPair, Sensor, World, simulate_pairs
 from curvescan.simulation.sensing.sensors import cast_beams
 from curvescan.types import Bools, Cov, Floats, Ints, Points, Pose
+
+OnPair: TypeAlias = Callable[[], object]  # called after each pair
 
 _CHI2_95 = 7.815  # 95 % of a chi-square of three degrees of freedom
 
@@ -74,12 +76,7 @@ class Score:
 
 
 def score_scenario(
-    scenario: Scenario,
-    methods: Sequence[str],
-    *,
-    n_pairs: int = 300,
-    seed: int = 1,
-    on_pair: Callable[[], None] | None = None,
+    scenario: Scenario, methods: Sequence[str], *, n_pairs: int = 300, seed: int = 1, on_pair: OnPair = lambda: None
 ) -> list[Score]:
     """Return how each method does on the same pairs of one scenario, each pair in a fresh office, without a guess."""
     sensor = SENSORS[scenario.sensor]
@@ -102,7 +99,7 @@ OPEN_WORLDS = ("bare-corridor", "round-room")
 
 
 def score_open(
-    world: str, methods: Sequence[str], *, n_pairs: int = 300, seed: int = 1, on_pair: Callable[[], None] | None = None
+    world: str, methods: Sequence[str], *, n_pairs: int = 300, seed: int = 1, on_pair: OnPair = lambda: None
 ) -> list[Score]:
     """Return how each method does on small motions (0.1 m, 5 degrees) in a world that leaves one open."""
     pairs = simulate_pairs(world, n_pairs=n_pairs, translation_max=0.1, rotation_max=np.radians(5.0), seed=seed)
@@ -111,17 +108,14 @@ def score_open(
     return [_score(method, world, tried[method]) for method in methods]
 
 
-def _tried(
-    pairs: Iterable[ScanPair], methods: Sequence[str], on_pair: Callable[[], None] | None
-) -> "dict[str, list[_Try]]":
+def _tried(pairs: Iterable[ScanPair], methods: Sequence[str], on_pair: OnPair) -> "dict[str, list[_Try]]":
     """Return what each method makes of each pair."""
     tried: dict[str, list[_Try]] = {method: [] for method in methods}
     for pair in pairs:
         for method in methods:
             result = match(pair.reference, pair.current, method=method)
             tried[method].append(_Try(pair=pair, result=result))
-        if on_pair:
-            on_pair()
+        on_pair()
     return tried
 
 

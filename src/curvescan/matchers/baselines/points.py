@@ -155,21 +155,26 @@ def _tangents(points: Points, starts: Ints, stops: Ints, arm: float) -> Points:
                 last == i or math.hypot(points[last + 1, 0] - points[i, 0], points[last + 1, 1] - points[i, 1]) <= arm
             ):
                 last += 1
-            n = last - first + 1
-            mean_x, mean_y = 0.0, 0.0
-            for k in range(first, last + 1):
-                mean_x += points[k, 0] / n
-                mean_y += points[k, 1] / n
-            xx, xy, yy = 0.0, 0.0, 0.0
-            for k in range(first, last + 1):
-                dx, dy = points[k, 0] - mean_x, points[k, 1] - mean_y
-                xx += dx * dx
-                xy += dx * dy
-                yy += dy * dy
-            angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
-            x, y = math.cos(angle), math.sin(angle)
-            chord_x = points[last, 0] - points[first, 0]
-            chord_y = points[last, 1] - points[first, 1]
-            sign = 1.0 if x * chord_x + y * chord_y >= 0.0 else -1.0
-            tangents[i, 0], tangents[i, 1] = sign * x, sign * y
+            _, _, tangents[i, 0], tangents[i, 1] = fit_line(points, first, last + 1)
     return tangents
+
+
+@kernel
+def fit_line(points: Points, start: int, stop: int) -> tuple[float, float, float, float]:
+    """Return centre and direction of the total least squares line through readings, from the first to the last."""
+    n = stop - start
+    cx, cy = 0.0, 0.0
+    for k in range(start, stop):
+        cx += points[k, 0] / n
+        cy += points[k, 1] / n
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for k in range(start, stop):
+        dx, dy = points[k, 0] - cx, points[k, 1] - cy
+        xx += dx * dx
+        xy += dx * dy
+        yy += dy * dy
+    angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
+    ux, uy = math.cos(angle), math.sin(angle)
+    if ux * (points[stop - 1, 0] - points[start, 0]) + uy * (points[stop - 1, 1] - points[start, 1]) < 0.0:
+        ux, uy = -ux, -uy
+    return cx, cy, ux, uy
