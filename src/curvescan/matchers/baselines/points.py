@@ -71,15 +71,9 @@ ARM = 0.15
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ScanPoints:
+class ScanPoints(Readings):
     """The valid readings of a scan, counter-clockwise, with the surfaces they lie on."""
 
-    n_beams: int  # beams of the scan, valid or not
-    beam_idx: Ints  # (m,): the scan's own index of each reading
-    ranges: Floats  # (m,): metres
-    angles: Floats  # (m,): radians, ascending
-    points: Points  # (m, 2): metres, sensor frame
-    angle_step: float  # angle between neighbouring beams, radians, positive
     # (m,): whether the surface goes on from a reading to the next (from the last to the first on a full circle)
     is_joined: Bools
     # (m, 2): unit vector along the surface, counter-clockwise as the sensor sees it; NaN on isolated readings
@@ -88,9 +82,6 @@ class ScanPoints:
     starts: Ints
     stops: Ints
     order: Ints  # (m,): readings surface by surface, so that no surface is cut by the seam of a full circle
-
-    def __len__(self) -> int:
-        return int(self.beam_idx.size)
 
     @property
     def normals(self) -> Points:
@@ -111,19 +102,7 @@ def sweep_of(scan: LaserScan, median_readings: int = 1) -> ScanPoints:
     tangents[segments.order] = _tangents(in_order, segments.starts, segments.stops, ARM)
     for start, stop in zip(segments.starts, segments.stops, strict=True):
         is_joined[segments.order[start : stop - 1]] = True
-    return ScanPoints(
-        n_beams=readings.n_beams,
-        beam_idx=readings.beam_idx,
-        ranges=readings.ranges,
-        angles=readings.angles,
-        points=readings.points,
-        angle_step=readings.angle_step,
-        is_joined=is_joined,
-        tangents=tangents,
-        starts=segments.starts,
-        stops=segments.stops,
-        order=segments.order,
-    )
+    return ScanPoints(**vars(readings), **vars(segments), is_joined=is_joined, tangents=tangents)
 
 
 def hidden_readings(reference: ScanPoints, current: ScanPoints, guess: Pose) -> tuple[Bools, Bools]:
