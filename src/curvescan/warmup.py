@@ -1,8 +1,4 @@
-"""Warm-up: a simulated drive through two rooms compiles every kernel of a real one.
-
-Machine code is kept on disk, so that this takes seconds in the first run of a version and a second in the others. It
-can be made for another machine: for an image, or for a package that brings it.
-"""
+"""Warm-up: a simulated drive through two rooms compiles every kernel of a real one, here or for another machine."""
 
 import gc
 import os
@@ -83,7 +79,8 @@ def warm_up(
         _compile_into(Path(cache).absolute(), f"compile_all({method!r}, {slam})", processor)
         return time.perf_counter() - started
     with watch.held():
-        laps = _laps()
+        angle = 2.0 * np.pi * np.arange(2 * _N_LAP) / _N_LAP  # two laps on a circle
+        laps = np.column_stack((_RADIUS_M * np.cos(angle), _RADIUS_M * np.sin(angle), angle + 0.5 * np.pi))
         _drive(method, laps)
         if slam:
             _map_and_localize(method, laps)
@@ -118,12 +115,6 @@ def _compile_into(folder: Path, call: str, processor: str) -> None:
     status = subprocess.run(python_command(__name__, call), env=env, check=False).returncode
     if status:
         raise OutputError(f"{folder}: the process that compiles ended with status {status}, for the reason above")
-
-
-def _laps() -> Pose:
-    """Return (n, 3) poses of two laps on a circle."""
-    angle = 2.0 * np.pi * np.arange(2 * _N_LAP) / _N_LAP
-    return np.column_stack((_RADIUS_M * np.cos(angle), _RADIUS_M * np.sin(angle), angle + 0.5 * np.pi))
 
 
 def _drive(method: str, laps: Pose) -> None:

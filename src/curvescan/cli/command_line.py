@@ -60,7 +60,14 @@ def run(arguments: list[str]) -> int:
             return BAD_COMMAND_LINE
         if HELP_ALL in arguments:
             arguments = ["--help" if argument == HELP_ALL else argument for argument in arguments]
-        return int(_parse_and_call(arguments))
+        return int(
+            tyro.extras.subcommand_cli_from_dict(
+                _commands(arguments),
+                prog="curvescan",
+                description="2D laser scan matching: scans in; motion, covariance, trajectory and map out.",
+                args=arguments,
+            )
+        )
     except CurvescanError as error:
         print(f"curvescan: {printable(with_flags(str(error)), MAX_SENTENCE)}", file=sys.stderr)
         return BAD_INPUT
@@ -84,15 +91,6 @@ def _help(arguments: list[str]) -> str | None:
     if arguments[0] in COMMANDS:
         return short_help(arguments[0], COMMANDS[arguments[0]])
     return overview(COMMANDS)
-
-
-def _parse_and_call(arguments: list[str]) -> Any:
-    return tyro.extras.subcommand_cli_from_dict(
-        _commands(arguments),
-        prog="curvescan",
-        description="2D laser scan matching: scans in; motion, covariance, trajectory and map out.",
-        args=arguments,
-    )
 
 
 def _commands(arguments: list[str]) -> dict[str, Callable[..., int]]:

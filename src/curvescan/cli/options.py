@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, fields, replace
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 import tyro
@@ -192,18 +192,10 @@ class Reading:
 
     def setup(self) -> SensorSetup:
         """Return how the laser is set up, as the library has it."""
-        pose = None
-        if self.laser_pose is not None:
-            x, y, theta = in_radians(self.laser_pose).tolist()
-            pose = (x, y, theta)
-        return SensorSetup(
-            ignore_beams=self.ignore_beams,
-            laser_pose=pose,
-            upside_down=self.upside_down if self.upside_down or self.upright else None,
-            clockwise=self.clockwise,
-            drop_stale=self.drop_stale,
-            backwards=self.backwards,
-        )
+        pose: Any = None if self.laser_pose is None else tuple(in_radians(self.laser_pose).tolist())
+        hangs = self.upside_down if self.upside_down or self.upright else None
+        alike = ("ignore_beams", "clockwise", "drop_stale", "backwards")
+        return SensorSetup(laser_pose=pose, upside_down=hangs, **{name: getattr(self, name) for name in alike})
 
     def open(self, path: Path) -> Log:
         """Return the log that the flags ask for."""

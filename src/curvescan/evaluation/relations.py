@@ -45,7 +45,8 @@ def associate(first: Floats, second: Floats, *, tolerance: float = 0.01) -> Asso
     Where more than half of the stamps of a list repeat, lists of one length are paired in their order. Raises
     InvalidArgumentError.
     """
-    if _says_nothing(first) or _says_nothing(second):
+    # where most stamps repeat they say nothing
+    if any(len(np.unique(stamps)) * 2 < len(stamps) for stamps in (first, second)):
         if len(first) != len(second):
             raise InvalidArgumentError(
                 "most time stamps repeat, so poses can only be paired in their order, which needs equally many: "
@@ -54,7 +55,10 @@ def associate(first: Floats, second: Floats, *, tolerance: float = 0.01) -> Asso
         order = np.arange(len(first))
         n_exact = int(np.count_nonzero(first == second))
         return Association(first=order, second=order, n_exact=n_exact, by="order")
-    pairs = _equal_pairs(first, second)
+    places: dict[float, deque[int]] = defaultdict(deque)
+    for j, stamp in enumerate(second.tolist()):
+        places[stamp].append(j)
+    pairs = [(i, places[stamp].popleft()) for i, stamp in enumerate(first.tolist()) if places.get(stamp)]
     n_exact = len(pairs)
     pairs += _near_pairs(first, second, pairs, tolerance)
     table = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
@@ -75,17 +79,6 @@ def find_stamps(stamps: Floats, wanted: Floats, *, tolerance: float = 1e-4) -> I
     n_equal = np.searchsorted(ordered, value, "right") - np.searchsorted(ordered, value, "left")
     found: Ints = np.where((off <= tolerance) & (n_equal == 1), order[nearest], -1)
     return found
-
-
-def _says_nothing(stamps: Floats) -> bool:
-    return len(np.unique(stamps)) * 2 < len(stamps)
-
-
-def _equal_pairs(first: Floats, second: Floats) -> list[tuple[int, int]]:
-    places: dict[float, deque[int]] = defaultdict(deque)
-    for j, stamp in enumerate(second.tolist()):
-        places[stamp].append(j)
-    return [(i, places[stamp].popleft()) for i, stamp in enumerate(first.tolist()) if places.get(stamp)]
 
 
 def _near_pairs(first: Floats, second: Floats, taken: list[tuple[int, int]], tolerance: float) -> list[tuple[int, int]]:

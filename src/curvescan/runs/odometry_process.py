@@ -1,7 +1,6 @@
 """The odometry of a SLAM run in a process of its own, ahead of the back end, with the same bits.
 
-Scans go to it and steps come back through its pipes, in batches; when it is done it calls functions. A process that
-cannot be started, or ends too early, costs time alone: odometry and functions are then run here.
+A process that cannot be started, or ends too early, costs time alone: its work is then done here.
 """
 
 import os

@@ -20,6 +20,8 @@ from curvescan.configs import as_plain
 from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import storage_files
 from curvescan.io.trajectories.layouts import write_csv, write_tum
+from curvescan.io.trajectories.relations import write_g2o
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.mapping.run_maps import RunMaps, build_maps
@@ -27,7 +29,7 @@ from curvescan.odometry import Odometry, RunRecord, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.odometry.step import IN_MAP
 from curvescan.plots.map import draw_graph, draw_map, draw_occupancy, draw_wheels
-from curvescan.runs.graph_files import describe_graph, save_graph, write_closures, write_view_file
+from curvescan.runs.graph_files import describe_graph, write_closures, write_view_file
 from curvescan.runs.odometry_process import OdometryProcess
 from curvescan.slam import Localizer, Slam
 from curvescan.slam.map import SlamMap
@@ -56,7 +58,7 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     if helper is not None and run.maps is None:
         light = dataclasses.replace(record, steps=())
         drawn = helper.call_after(_draw_places, folder, light, run.scans, is_deskewed(engine), title, run.truth, graph)
-    maps = run.maps or _maps_of_run(run, is_drawn=drawn is None)
+    maps = run.maps or maps_of_run(run, cell=0.05 if drawn is None else None)
     if maps.grid is not None:
         write_map(folder, maps.grid)
         known = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
@@ -67,7 +69,8 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
         write_tum(folder / "trajectory_online.tum", record.online)
         slam_map = with_grid(engine.map, maps, run.occupancy)
         slam_map.save(folder / "map.csmap")
-        save_graph(folder, slam_map)
+        keyframes = Trajectory(stamps=np.array([scan.stamp for scan in slam_map.scans]), poses=slam_map.poses)
+        write_g2o(folder / "graph.g2o", keyframes, slam_map.edges)
         write_closures(folder / "closures.csv", engine.closures)
         write_view_file(
             folder,
@@ -98,10 +101,10 @@ def maps_of(
     return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=occupancy)
 
 
-def _maps_of_run(run: Run, *, is_drawn: bool) -> RunMaps:
+def maps_of_run(run: Run, *, cell: float | None) -> RunMaps:
+    """Return the maps of a run, and its occupancy; of localization the map that it is in."""
     if isinstance(run.engine, Localizer):
         return RunMaps(standing=run.engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
-    cell = 0.05 if is_drawn else None
     return maps_of(run.record, run.scans, is_deskewed=is_deskewed(run.engine), cell=cell, occupancy=run.occupancy)
 
 

@@ -52,7 +52,7 @@ _HINT = "the configuration of the matcher is given as matcher="
 class RunDisplay(Protocol):
     """What shows how far a run has come."""
 
-    def begin(self, stage: str, n_steps: int) -> None:
+    def begin(self, stage: str, n_steps: int) -> object:
         """Begin a stage of so many steps; 0: its length is not known."""
 
     def advance(self) -> None:

@@ -103,12 +103,14 @@ def _show(name: str, value: str, *, style: str = "") -> None:
 
 def _rows(report: LogReport) -> list[tuple[str, str]]:
     time = report.time
+    rate = "" if math.isnan(time.mean_rate) else f"{time.mean_rate:.2f} Hz over "
+    blind = f"; {report.n_blind_beams} never give a reading" if report.n_blind_beams else ""
     return [
         ("format", report.format),
         ("messages", ", ".join(f"{count:,} {tag}" for tag, count in report.tag_counts.items())),
-        ("scans", f"{report.n_scans:,} ({_rate(time.mean_rate)}{time.duration:,.1f} s)"),
+        ("scans", f"{report.n_scans:,} ({rate}{time.duration:,.1f} s)"),
         ("time steps", _steps(report)),
-        ("beams", _beams(report)),
+        ("beams", ", ".join(f"{n} ({count:,} scans)" for n, count in report.beam_counts.items()) + blind),
         (
             "field of view",
             f"{report.fov_deg:.2f} deg from {report.first_beam_deg + 0.0:.2f} deg "  # no -0.00
@@ -129,10 +131,6 @@ def _rows(report: LogReport) -> list[tuple[str, str]]:
     ]
 
 
-def _rate(hertz: float) -> str:
-    return "" if math.isnan(hertz) else f"{hertz:.2f} Hz over "
-
-
 def _steps(report: LogReport) -> str:
     time = report.time
     if math.isnan(time.step_median):
@@ -141,12 +139,6 @@ def _steps(report: LogReport) -> str:
     if report.sweep_seconds > 0.0:
         steps += f"; a sweep takes {report.sweep_seconds:.3g} s by the times of its beams"
     return steps
-
-
-def _beams(report: LogReport) -> str:
-    counts = ", ".join(f"{n} ({count:,} scans)" for n, count in report.beam_counts.items())
-    blind = f"; {report.n_blind_beams} never give a reading" if report.n_blind_beams else ""
-    return counts + blind
 
 
 def _mount(report: LogReport) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from curvescan.cli.console import ERR, OUT, load_usable_methods, progress_bars, show
+from curvescan.cli.console import ERR, OUT, load_usable_methods, run_display, show
 from curvescan.cli.options import LaserPose, SensorName, in_radians
 from curvescan.errors import InvalidArgumentError
 from curvescan.io import output_folder, read_log, read_relations, write_config
@@ -176,7 +176,7 @@ def experiments(
     known = [read_relations(path) for path in relations]
     with output_folder(out) as folder:
         methods = load_usable_methods()
-        with progress_bars() as progress:
+        with run_display("steps") as display:
             results = run_experiments(
                 methods=methods,
                 logs=sources,
@@ -185,7 +185,7 @@ def experiments(
                 only_logs=only_logs,
                 is_quick=quick,
                 seed=seed,
-                progress=progress,
+                progress=display.begin,
             )
         with ERR.status("drawing and writing the report"):
             save_experiments(folder, results)
@@ -223,9 +223,9 @@ def bench(
     sources = [read_log(path) for path in logs]
     with nullcontext() if out is None else output_folder(out) as folder:
         methods = load_usable_methods()
-        with progress_bars() as progress:
+        with run_display("steps") as display:
             tables = run_benchmark(
-                methods=methods, n_pairs=pairs, n_runs=runs, logs=sources, seed=seed, progress=progress
+                methods=methods, n_pairs=pairs, n_runs=runs, logs=sources, seed=seed, progress=display.begin
             )
         if folder is not None:
             text = "\n".join(table.markdown() for table in tables)

@@ -5,10 +5,8 @@ The fields, blank-separated (CARMEN's ``logger`` and ``logger_playback`` manual)
 - ``FLASER n [n ranges] x y theta odom_x odom_y odom_theta stamp host logger_stamp``
 - ``ROBOTLASER1 type start_angle fov resolution max_range accuracy remission_mode n [n ranges] m [m remissions]
   laser_x laser_y laser_theta robot_x robot_y robot_theta tv rv forward side turn_axis stamp host logger_stamp``
-- ``RAWLASER1 type start_angle fov resolution max_range accuracy remission_mode n [n ranges] m [m remissions]
-  stamp host logger_stamp``
-- ``ODOM x y theta tv rv accel stamp host logger_stamp``
-- ``PARAM name value ...``
+- ``RAWLASER1``: the same without the poses and what follows them up to the stamp
+- ``ODOM x y theta tv rv accel stamp host logger_stamp``, ``PARAM name value ...``
 
 A declared count is only ever compared with the number of fields that are there; nothing is allocated from it.
 """
@@ -25,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.io.files.lines import BrokenRecordError, LineMark, ReadError, ReadErrorCounter, printable, read_lines
+from curvescan.io.files.lines import BrokenRecordError, ReadError, ReadErrorCounter, printable, read_lines
 from curvescan.io.log import NO_POSE, PoseRow
 from curvescan.types import Floats, Ints
 
@@ -261,8 +259,7 @@ def build_index(path: Path) -> Index:
     counts: dict[bytes, int] = {}
     series = {tag: Series() for tag in SCAN_PARSERS}
     robot_pose, max_range = NO_POSE, None
-    mark = LineMark()
-    for number, line in read_lines(path, read_errors, mark):
+    for number, offset, line in read_lines(path, read_errors):
         tag = tag_of(line)
         if tag:
             # a file of arbitrary text may have as many first words as lines: they share one count
@@ -272,7 +269,7 @@ def build_index(path: Path) -> Index:
         try:
             if tag in SCAN_PARSERS:
                 sweep = SCAN_PARSERS[tag](line)
-                series[tag].add(sweep, robot_pose, mark.offset)
+                series[tag].add(sweep, robot_pose, offset)
             elif tag == b"ODOM":
                 robot_pose = parse_odom(line)
             elif tag == b"PARAM":

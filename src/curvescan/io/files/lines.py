@@ -1,8 +1,7 @@
 """Lines of a text file, plain or gzip-compressed, in bounded memory; whole gzip files unpacked and written.
 
-Compression is detected by the two magic bytes of gzip (RFC 1952), never by the name of the file. Compressed data
-that break off deliver what stands before the break; a line that never ends is dropped while it is read. Both
-are read errors, neither is fatal.
+Compression is detected by its first two bytes, never by the name of the file. Compressed data that break off deliver
+what stands before the break; a line that never ends is dropped. Both are read errors, neither is fatal.
 """
 
 import errno
@@ -109,15 +108,6 @@ def read_head(path: Path, n_bytes: int) -> bytes:
     return head[:n_bytes]
 
 
-class LineMark:
-    """Where the line stands that :func:`read_lines` yielded last: offset of its first byte after unpacking."""
-
-    __slots__ = ("offset",)
-
-    def __init__(self) -> None:
-        self.offset = 0
-
-
 def read_line_at(path: Path, offset: int) -> bytes:
     """Return the line that begins at an offset, without its newline. Raises LogFileError."""
     with _opened(path) as raw:
@@ -130,23 +120,24 @@ def read_line_at(path: Path, offset: int) -> bytes:
     return line.removesuffix(b"\n")
 
 
-def read_lines(path: Path, read_errors: ReadErrorCounter, mark: LineMark | None = None) -> Iterator[tuple[int, bytes]]:
-    """Yield the number, from 1, and the bytes of each line, without its newline. Raises LogFileError."""
+def read_lines(path: Path, read_errors: ReadErrorCounter) -> Iterator[tuple[int, int, bytes]]:
+    """Yield each line: its number, from 1, where it begins after unpacking, and its bytes without the newline.
+
+    Raises LogFileError.
+    """
     number, tail, is_dropping = 0, b"", False
-    mark = mark or LineMark()
     start = 0  # of what is split next
     try:
         for chunk in read_chunks(path):
             *lines, tail = (tail + chunk).split(b"\n")
             for line in lines:
-                number += 1
-                mark.offset = start
+                number, begin = number + 1, start
                 start += len(line) + 1
                 if is_dropping or len(line) > MAX_LINE_BYTES:
                     is_dropping = False
                     read_errors.add(LONG_LINE, number)
                 else:
-                    yield number, line
+                    yield number, begin, line
             if is_dropping or len(tail) > MAX_LINE_BYTES:
                 start += len(tail)
                 is_dropping, tail = True, b""
@@ -155,8 +146,7 @@ def read_lines(path: Path, read_errors: ReadErrorCounter, mark: LineMark | None 
     if is_dropping:
         read_errors.add(LONG_LINE, number + 1)
     elif tail:
-        mark.offset = start
-        yield number + 1, tail
+        yield number + 1, start, tail
 
 
 def read_chunks(path: Path) -> Iterator[bytes]:

@@ -1,8 +1,7 @@
-"""Trajectories as text and back: one table of layouts.
+"""Trajectories as text and back: TUM, KITTI and CSV.
 
 TUM (Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", 2012): ``stamp x y z qx qy qz qw`` a line.
-KITTI: the first three rows of each pose's matrix, twelve numbers a line. CSV: the columns of CSV_HEADER, or any that
-have the names stamp (or timestamp), x, y and theta. Numbers have as many digits as it takes to read the same float64
+KITTI: the first three rows of each pose's matrix. Numbers have as many digits as it takes to read the same float64
 again: in CSV everything comes back to the bit; in the others the angle comes back within 1e-15 rad.
 """
 
@@ -291,32 +290,27 @@ def read_rows(path: str | os.PathLike[str]) -> PoseRows:
         return csv_rows(file)[0]
     if _n_numbers(first) == KITTI.n_fields:
         return rows_of(file, KITTI)
-    return plain_rows(file, first)
-
-
-def plain_rows(path: Path, first: str) -> PoseRows:
-    """Return the poses of TUM text, or of CSV whose columns have names, by their first line."""
     if not first:
-        raise LogFormatError(f"{path} is empty: a trajectory must hold at least one pose")
+        raise LogFormatError(f"{file} is empty: a trajectory must hold at least one pose")
     is_tum = _n_numbers(first) > 3
     if not is_tum and "," not in first:
         raise LogFormatError(
-            f"{path} holds no poses that can be read: give TUM text, CSV with columns stamp, x, y, theta, "
+            f"{file} holds no poses that can be read: give TUM text, CSV with columns stamp, x, y, theta, "
             "or a log, whose poses are read_log(path).odometry"
         )
-    with path.open("rb") as file:
-        if file.read(2) == GZIP_MAGIC:
-            raise LogFormatError(f"{path} is compressed with gzip and not a log: unpack it first")
+    with file.open("rb") as raw:
+        if raw.read(2) == GZIP_MAGIC:
+            raise LogFormatError(f"{file} is compressed with gzip and not a log: unpack it first")
     if not is_tum:
-        return _column_rows(path)
+        return _column_rows(file)
     fields = first.split()
     length = math.hypot(*map(float, fields[4:8]))
     if len(fields) == 8 and abs(length - 1.0) > 0.01:  # relations have as many numbers
         raise LogFormatError(
-            f"{path}: the quaternion of a TUM line (stamp x y z qx qy qz qw) has length 1, that of the first line has "
+            f"{file}: the quaternion of a TUM line (stamp x y z qx qy qz qw) has length 1, that of the first line has "
             f"{length:.3g}: if the file holds relations, read it with read_relations"
         )
-    return rows_of(path, TUM)
+    return rows_of(file, TUM)
 
 
 def results_file(path: str | os.PathLike[str]) -> Path:

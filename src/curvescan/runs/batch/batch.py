@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError
@@ -20,8 +20,8 @@ Engine: TypeAlias = Literal["local", "ray"]  # where the workers of a batch run
 TIMEOUT_S = 3600.0  # time that a log may take unless the caller says otherwise, seconds
 
 
-class BatchDisplay(Protocol):
-    """The progress display of a batch."""
+class BatchDisplay:
+    """What shows how far a batch has come; this one shows nothing."""
 
     def begin(self, stage: str, n_logs: int) -> None:
         """Begin a stage over so many logs; 0: its length is not known."""
@@ -116,7 +116,7 @@ def run_batch(
         raise InvalidArgumentError(f"timeout must be a positive number of seconds, got {timeout}")
     if engine not in ("local", "ray"):
         raise InvalidArgumentError(f"engine must be 'local' or 'ray', got {engine!r}")
-    job, shown = job or OdometryJob(), display or _Silent()
+    job, shown = job or OdometryJob(), display or BatchDisplay()
     options = digest_of(job)
     logs = find_logs([patterns] if isinstance(patterns, str | os.PathLike) else patterns)
     by_input = {log.input: log for log in logs}
@@ -160,11 +160,3 @@ def _record(done: Done, state: LogState, options: str) -> BatchRecord:
     return BatchRecord(
         **asdict(state), options=options, version=__version__, folder=done.task.name, seconds=seconds, **found
     )
-
-
-class _Silent:
-    """Shows nothing."""
-
-    def begin(self, stage: str, n_logs: int) -> None: ...
-
-    def add(self, record: BatchRecord) -> None: ...

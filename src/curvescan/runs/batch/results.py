@@ -1,8 +1,4 @@
-"""The records of a batch: the lines of its manifest, and the table of all logs.
-
-A line of JSON for each log that was run, on the disk before the next one is written. A later line of the same log
-replaces an earlier one. A line that was cut short when the machine failed is ignored.
-"""
+"""The records of a batch: the lines of its manifest, and the table of all logs."""
 
 import csv
 import io

@@ -72,7 +72,7 @@ def edited(slam_map: SlamMap, edits: Sequence[Edit], config: SlamConfig | None =
     """
     if not edits:
         return slam_map
-    graph = Problem.of_map(slam_map)
+    graph = Problem.of(slam_map)
     for edit in edits:
         graph = _applied(graph, edit)
     return solved(slam_map, graph, config or SlamConfig())

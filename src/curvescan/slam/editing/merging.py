@@ -70,7 +70,7 @@ def _joined(one: SlamMap, other: SlamMap, pairs: Ints, measured: Pose, covarianc
         kinds=np.concatenate([one.kinds, other.kinds, np.full(len(pairs), EdgeKind.CLOSURE)]),
         weights=np.concatenate([one.weights, other.weights, np.ones(len(pairs))]),
     )
-    return solved(both, Problem.of_map(both), config)
+    return solved(both, Problem.of(both), config)
 
 
 def in_one_frame(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> tuple[SlamMap, SlamMap]:

@@ -1,7 +1,7 @@
-"""What is left of a bag whose end is missing: its messages up to the break, written as a whole temporary bag.
+"""What is left of a bag whose recorder was killed: its messages up to the break, written as a whole temporary bag.
 
-A recorder that was killed leaves a bag without the index at its end. And what is looked at in a bag of SQLite before
-rosbags opens it: that its tables are plain ones. A view or a generated column is a program, which may run without end.
+And what is looked at in a bag of SQLite before rosbags opens it: that its tables are plain ones. A view or a generated
+column is a program, which may run without end.
 """
 
 import os
