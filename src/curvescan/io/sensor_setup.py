@@ -90,19 +90,15 @@ class _LogSetUp(LogView):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        notes = []
-        if self._is_mirrored:
-            notes.append(
-                "the scans are mirrored: the laser "
-                + ("turns against what the log says" if self.setup.clockwise else "hangs upside down")
-            )
-        if self.setup.drop_stale:
-            notes.append("readings that repeat those of the sweep before are dropped")
-        if self.setup.backwards:
-            notes.append("the beams of each scan are turned round: they were swept in that order")
-        if any(self.setup.ignore_beams):
-            first, last = self.setup.ignore_beams
-            notes.append(f"the first {first:,} and the last {last:,} beams of each scan are ignored")
+        turned = "turns against what the log says" if self.setup.clockwise else "hangs upside down"
+        first, last = self.setup.ignore_beams
+        said = {
+            f"the scans are mirrored: the laser {turned}": self._is_mirrored,
+            "readings that repeat those of the sweep before are dropped": self.setup.drop_stale,
+            "the beams of each scan are turned round: they were swept in that order": self.setup.backwards,
+            f"the first {first:,} and the last {last:,} beams of each scan are ignored": first or last,
+        }
+        notes = [note for note, holds in said.items() if holds]
         if self.setup.laser_pose is not None:
             x, y, theta = self.setup.laser_pose
             notes.append(
