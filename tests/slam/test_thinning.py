@@ -84,7 +84,7 @@ def _graph(seed: int) -> tuple[PoseGraph, np.ndarray]:
 
 
 def _optimize(graph: PoseGraph) -> np.ndarray:
-    edges = Edges.of(graph.ends, graph.measured, graph.covariances)
+    edges = Edges.of(graph.ends, graph.measured, graph.edge_covariances)
     graph.poses[:] = optimize(graph.poses, edges, graph.weights, np.array([0]))
     information, _ = normal_equations(graph.poses, edges, graph.weights, np.array([0]))
     return marginal_covariances(information, np.array([0]))
@@ -139,3 +139,20 @@ def test_what_is_left_is_known_no_better_than_before() -> None:
     grown = np.trace(after, axis1=1, axis2=2)[1:] / np.trace(before[is_kept], axis1=1, axis2=2)[1:]
     assert grown.min() > 0.98
     assert np.linalg.eigvalsh(after[1:]).min() > 0.0
+
+
+def test_closures_of_a_pose_that_goes_lead_to_its_heir() -> None:
+    truth, graph = loop(8), PoseGraph()
+    for pose in truth:
+        graph.add_pose(pose)
+    for i, j in [*((k, k + 1) for k in range(7)), (2, 5), (2, 7), (0, 2)]:
+        kind = EdgeKind.MATCH if j == i + 1 else EdgeKind.CLOSURE
+        graph.add_edge(i, j, se2.between(truth[i], truth[j]), np.diag([1e-4, 1e-4, 1e-5]), kind)
+    tie = best_tie(graph, 2, np.array([5]))
+    assert tie is not None
+    heir, seen = carry_over(graph, 2, tie)
+    np.testing.assert_allclose(se2.compose(truth[heir], seen.pose), truth[2], atol=1e-12)
+    assert not (graph.ends == 2).any()
+    assert graph.ends[-3:].tolist() == [[1, 3], [5, 7], [0, 5]]
+    i, j = graph.ends.T
+    np.testing.assert_allclose(graph.measured, se2.between(truth[i], truth[j]), atol=1e-12)

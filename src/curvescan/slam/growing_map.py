@@ -206,7 +206,7 @@ class GrowingMap:
         """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly."""
         if self.graph.n_poses == 0:
             return np.empty((0, 3, 3))
-        return covariances_seen_from(Problem.of(self.graph, 0), self.config.noise)
+        return covariances_seen_from(Problem.of(self.graph), self.config.noise)
 
     def placed(self) -> tuple[Pose, Cov]:
         """Return poses and covariances of all keyframes there ever were, by number."""
@@ -223,7 +223,7 @@ class GrowingMap:
             sessions=np.array([keyframe.session for keyframe in everyone], dtype=np.int64),
             ends=graph.ends.copy(),
             measured=graph.measured.copy(),
-            edge_covariances=graph.covariances.copy(),
+            edge_covariances=graph.edge_covariances.copy(),
             kinds=graph.kinds.copy(),
             weights=graph.weights.copy(),
         )

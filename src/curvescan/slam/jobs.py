@@ -49,30 +49,17 @@ class Problem:
     current: int = 0  # the keyframe that scans hang on
 
     @classmethod
-    def of(cls, graph: PoseGraph, current: int) -> Problem:
-        """Return a copy of a graph."""
+    def of(cls, graph: PoseGraph | SlamMap, current: int = 0) -> Problem:
+        """Return a copy of a graph, or of that of a map."""
         return cls(
             poses=graph.poses.copy(),
             ends=graph.ends.copy(),
             measured=graph.measured.copy(),
-            covariances=graph.covariances.copy(),
+            covariances=graph.edge_covariances.copy(),
             kinds=graph.kinds.copy(),
             weights=graph.weights.copy(),
-            least=_least(graph.kinds),
+            least=np.where(graph.kinds == EdgeKind.CLOSURE, 0.0, _LEAST_STEP),
             current=current,
-        )
-
-    @classmethod
-    def of_map(cls, slam_map: SlamMap) -> Problem:
-        """Return the graph of a map."""
-        return cls(
-            poses=slam_map.poses,
-            ends=slam_map.ends,
-            measured=slam_map.measured,
-            covariances=slam_map.edge_covariances,
-            kinds=slam_map.kinds,
-            weights=slam_map.weights,
-            least=_least(slam_map.kinds),
         )
 
     def optimized(self, *, weights: Floats | None, least_convexity: float = _FROM_AFAR) -> RobustOptimum:
@@ -82,10 +69,6 @@ class Problem:
         return optimize_robustly(
             self.poses, edges, self.least, anchors, limit=GATE, weights=weights, least_convexity=least_convexity
         )
-
-
-def _least(kinds: Ints) -> Floats:
-    return np.where(kinds == EdgeKind.CLOSURE, 0.0, _LEAST_STEP)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -223,7 +223,7 @@ def choose_candidates(
 ) -> list[int]:
     """Return the keyframes to match with the newest one, the most promising first.
 
-    relative (n, 3); covariances (n, 3, 3); similarity (n,).
+    relative (n, 3); covariances (n, 3, 3); similarity (n,): without it those of a known relative pose alone.
     """
     rules = config.closures
     variance = np.diagonal(covariances, axis1=1, axis2=2) + np.diagonal(config.noise.spread)
@@ -239,9 +239,7 @@ def choose_candidates(
     overlap = foretold_overlap(keyframes.profiles, sure, relative[sure], keyframes.profiles[newest])
     sure, overlap = sure[overlap >= rules.min_overlap], overlap[overlap >= rules.min_overlap]
     sure = sure[np.argsort(-overlap, kind="stable")][:_N_CERTAIN]
-    vague = np.flatnonzero(is_near & ~is_certain)
-    order = cost[vague] / (1.0 + sigma[vague]) if similarity is None else -similarity[vague]
-    vague = vague[np.argsort(order, kind="stable")][:_N_UNCERTAIN]
-    if similarity is not None:
-        vague = vague[similarity[vague] >= _MIN_SIMILARITY]
-    return [*sure.tolist(), *vague.tolist()]
+    if similarity is None:
+        return [int(i) for i in sure]
+    vague = np.flatnonzero(is_near & ~is_certain & (similarity >= _MIN_SIMILARITY))
+    return [*sure.tolist(), *vague[np.argsort(-similarity[vague], kind="stable")][:_N_UNCERTAIN].tolist()]

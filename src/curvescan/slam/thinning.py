@@ -77,7 +77,7 @@ def newer_beside(v: int, poses: Pose, fragments: Ints, is_kept: Bools, radius: f
 def best_tie(graph: PoseGraph, v: int, among: Ints) -> int | None:
     """Return the closure or match that ties pose v best to one of some poses; None where there is none."""
     rows = np.flatnonzero((graph.ends == v).any(axis=1))
-    covariances = graph.covariances[rows]
+    covariances = graph.edge_covariances[rows]
     # by an edge that leaves a direction open no pose can hang on an heir
     is_tie = (graph.kinds[rows] != EdgeKind.MOTION) & graph.is_followed[rows] & is_whole(covariances)
     is_tie &= np.isin(graph.ends[rows], among).any(axis=1)
@@ -117,5 +117,8 @@ def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[int, UncertainPose]:
 
 def _other_end(graph: PoseGraph, row: int, v: int) -> tuple[int, UncertainPose]:
     """Return the other end of an edge, and how pose v sees it."""
-    (i, j), edge = graph.ends[row].tolist(), UncertainPose(graph.measured[row].copy(), graph.covariances[row].copy())
+    (i, j), edge = (
+        graph.ends[row].tolist(),
+        UncertainPose(graph.measured[row].copy(), graph.edge_covariances[row].copy()),
+    )
     return (j, edge) if i == v else (i, inverse(edge))

@@ -138,8 +138,7 @@ def slam(
 def _mended(path: Path | None, flags: EditFlags, out: Path | None) -> SlamMap:
     """Return the map with its edits, written with them into a folder, if there is one."""
     from curvescan.slam import load_map
-    from curvescan.slam.editing.edits import Edit, added, edited, read_edits
-    from curvescan.slam.editing.saving import save_map_folder
+    from curvescan.slam.editing.edits import Edit, added, edited, read_edits, save_map_folder
 
     if path is None:
         raise InvalidArgumentError("give a LOG; or --map, and with --drop, --add or --edits what to mend in it")

@@ -12,7 +12,7 @@ from curvescan.mapping.grid_editing import moved
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.odometry.measurement import as_measurement
 from curvescan.slam.config import SlamConfig
-from curvescan.slam.editing.graph import solved
+from curvescan.slam.editing.edits import solved
 from curvescan.slam.editing.operations import part_of
 from curvescan.slam.jobs import Problem
 from curvescan.slam.keyframes import Keyframes
@@ -70,7 +70,7 @@ def _joined(one: SlamMap, other: SlamMap, pairs: Ints, measured: Pose, covarianc
         kinds=np.concatenate([one.kinds, other.kinds, np.full(len(pairs), EdgeKind.CLOSURE)]),
         weights=np.concatenate([one.weights, other.weights, np.ones(len(pairs))]),
     )
-    return solved(both, Problem.of_map(both), config)
+    return solved(both, Problem.of(both), config)
 
 
 def in_one_frame(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> tuple[SlamMap, SlamMap]:

@@ -133,8 +133,7 @@ def is_near(expected: UncertainPose, config: SlamConfig) -> bool:
 def measured(result: MatchResult) -> UncertainPose:
     """Return the pose of a match; what the scans leave open, a way or a turn, is not measured at all.
 
-    Along a corridor the heading stays measured: a way of 100 m with a hundredth of a degree per metre would open it as
-    well.
+    Along a corridor the heading stays measured: a little turn in a way of 100 m would open it as well.
     """
     cov = result.covariance
     if result.degenerate_direction is not None:

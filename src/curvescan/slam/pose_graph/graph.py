@@ -74,7 +74,7 @@ class PoseGraph:
         return self._edges.array["measured"]
 
     @property
-    def covariances(self) -> Cov:
+    def edge_covariances(self) -> Cov:
         """(n_edges, 3, 3): of each measured pose, in the frame of i."""
         return self._edges.array["covariance"]
 
