@@ -10,7 +10,7 @@ import pytest
 
 from curvescan.matchers import MatchResult, Outcome
 from curvescan.odometry import MotionConfig
-from curvescan.odometry.gating import gate
+from curvescan.odometry.measurement import gate
 from curvescan.se2.uncertain import UncertainPose
 
 EXPECTED = UncertainPose(np.array([0.1, 0.0, 0.05]), np.diag([0.02**2, 0.02**2, 0.02**2]))

@@ -129,7 +129,7 @@ class Rig:
         points = np.concatenate(
             [
                 se2.transform(
-                    se2.compose(_moved(twist, stamps[name] - stamp), self.mounts[name]),
+                    se2.compose(se2.exp(twist * (stamps[name] - stamp)), self.mounts[name]),
                     _seen_points(scan, twist, self.mounts[name]),
                 )
                 for name, scan in scans.items()
@@ -161,7 +161,8 @@ class Rig:
         if unknown:
             raise InvalidArgumentError(f"logs must be of {', '.join(self.mounts)}, got {', '.join(unknown)}")
         groups = _Groups(len(logs))
-        for name, scan in _merged(logs):
+        streams = [zip(itertools.repeat(name), log, strict=False) for name, log in logs.items()]
+        for name, scan in heapq.merge(*streams, key=lambda item: item[1].stamp):
             if (group := groups.add(name, scan)) is not None:
                 yield group
         if groups.begun:
@@ -299,16 +300,6 @@ def poses_at(track: Trajectory, stamps: Floats) -> Pose:
         np.interp(stamps, track.stamps[known], column, left=np.nan, right=np.nan) for column in (x, y, np.unwrap(theta))
     ]
     return np.stack(columns, axis=-1)
-
-
-def _merged(logs: Mapping[str, Iterable[LaserScan]]) -> Iterator[tuple[str, LaserScan]]:
-    """Return the sweeps of all lasers by their stamps."""
-    streams = [zip(itertools.repeat(name), log, strict=False) for name, log in logs.items()]
-    return heapq.merge(*streams, key=lambda item: item[1].stamp)
-
-
-def _moved(twist: Floats, seconds: float) -> Pose:
-    return se2.exp(twist * seconds)
 
 
 def _seen_points(scan: LaserScan, twist: Floats, mount: Pose) -> Points:
