@@ -43,16 +43,15 @@ class GatedMatch(NamedTuple):
     # the scan seen from the reference: the match fused with what was expected; what was expected where the match failed
     pose_keyframe_scan: UncertainPose
     is_plausible: bool  # whether the match is about where it was expected
+    measured: UncertainPose  # what was fused with what was expected; what was expected where the match failed
     # whether the match is about where the last motion leads, and another odometry, which says otherwise, was left out
     is_prior_rejected: bool = False
-    measured: UncertainPose | None = None  # what was fused with what was expected; None where the match failed
     # whether it was fused with the last motion repeated, although another odometry expected something
     is_by_last_motion: bool = False
 
     def made_without(self, expected: UncertainPose, config: MotionConfig) -> GatedMatch:
         """Return a match that another odometry had no part in, and whether it contradicts that odometry."""
-        distance = 0.0 if self.measured is None else fuse(expected, self.measured)[1]
-        is_rejected = self.is_plausible and distance > config.motion_gate_chi2
+        is_rejected = self.is_plausible and fuse(expected, self.measured)[1] > config.motion_gate_chi2
         return self._replace(is_prior_rejected=is_rejected, is_by_last_motion=True)
 
     @property
@@ -71,21 +70,15 @@ class GatedMatch(NamedTuple):
             return result.ok
         return self.is_plausible and not result.confidence < SURE
 
-    def is_better_than(self, other: GatedMatch, min_score: float) -> bool:
-        """Return whether this attempt is to be preferred to one with a reference that would rather be kept."""
-        return self._rank(min_score) > other._rank(min_score)
-
-    def is_as_good_as(self, other: GatedMatch) -> bool:
-        """Return whether nothing speaks against this match that does not speak against another of the same scans."""
-        return self._standing >= other._standing
-
     @property
-    def _standing(self) -> tuple[bool, bool, bool]:
+    def standing(self) -> tuple[bool, bool, bool]:
+        """What speaks for the match: of two of the same scans the greater one is to be preferred."""
         return self.result.ok, self.is_plausible, self.is_fully_observed
 
-    def _rank(self, min_score: float) -> tuple[bool, bool, bool, float]:
-        score = self.result.score
-        return *self._standing, min(score, min_score) if self.is_plausible else score
+    def is_better_than(self, other: GatedMatch, min_score: float) -> bool:
+        """Return whether this attempt is to be preferred to one with a reference that would rather be kept."""
+        one, two = (min(m.result.score, min_score) if m.is_plausible else m.result.score for m in (self, other))
+        return (*self.standing, one) > (*other.standing, two)
 
 
 def gate(
@@ -101,10 +94,10 @@ def gate(
     contradict each other, what was expected counts as little as after a failure.
     """
     if not result.ok:
-        return GatedMatch(result, expected, False)
+        return GatedMatch(result, expected, False, expected)
     if not config.is_fused:
         found = UncertainPose(result.pose, result.covariance)
-        return GatedMatch(result, found, True, measured=found)
+        return GatedMatch(result, found, True, found)
     found = as_measurement(result)
     if measured is not None and fuse(expected, measured)[1] <= config.motion_gate_chi2:
         found = measured
@@ -113,10 +106,10 @@ def gate(
     if repeated is not None and (result.degenerate_direction is None or not is_plausible):
         by_last, last_distance = fuse(repeated, found)
         if last_distance <= config.motion_gate_chi2:
-            return GatedMatch(result, by_last, True, not is_plausible, found, True)
+            return GatedMatch(result, by_last, True, found, is_prior_rejected=not is_plausible, is_by_last_motion=True)
     if not is_plausible:
         fused, _ = fuse(UncertainPose(expected.pose, expected.cov + config.recovery_covariance), found)
-    return GatedMatch(result, fused, is_plausible, measured=found)
+    return GatedMatch(result, fused, is_plausible, found)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -18,7 +18,7 @@ from curvescan import se2
 from curvescan.matchers import PreparedScan
 from curvescan.odometry.config import KeyframesConfig
 from curvescan.odometry.gaps import open_gap, question_link, settle_gap, with_keyframe
-from curvescan.odometry.measurement import GatedMatch, as_measurement
+from curvescan.odometry.measurement import GatedMatch
 from curvescan.odometry.observation import Attempt, Keyframe, Localization, Observation, Placement, try_references
 from curvescan.odometry.step import StepOutcome
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
@@ -53,7 +53,11 @@ def _track(o: Observation, attempt: Attempt) -> Placement | None:
         keyframe = replace(keyframe, scan=sweep.first)
     gated, result = sweep.gated, sweep.gated.result
     expected = o.prediction.repeated if gated.is_by_last_motion else o.expected
-    motion = fuse(expected, compose(inverse(attempt.origin), gated.measured or as_measurement(result)))[0]
+    measured = compose(inverse(attempt.origin), gated.measured)
+    motion = step_motion = fuse(expected, measured)[0]
+    if not gated.is_plausible:
+        doubtful = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
+        step_motion = fuse(doubtful, measured)[0]
     localization = Localization(
         keyframe=keyframe, pose_keyframe_scan=gated.pose_keyframe_scan, is_measured=gated.is_fully_observed
     )
@@ -64,7 +68,8 @@ def _track(o: Observation, attempt: Attempt) -> Placement | None:
         motion=o.state.motion.updated(
             o.prediction, motion, is_plausible=gated.is_plausible, is_fully_observed=gated.is_fully_observed
         ),
-        step_motion=_step_motion(o, attempt, gated),
+        # as the poses have it
+        step_motion=UncertainPose(se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose), step_motion.cov),
         gap=o.state.gap,
         match=result,
         is_prior_rejected=gated.is_prior_rejected,
@@ -134,7 +139,7 @@ def _with_better_sweep(o: Observation, attempt: Attempt, keyframe: Keyframe) -> 
     if o.state.first is not None:  # its velocity was not known
         reference = first = o.matching.prepare(o.deskewer.deskewed(o.state.first, found))
     again = o.matching.match(reference, better, attempt.origin, o.prediction)
-    if again.is_as_good_as(gated):
+    if again.standing >= gated.standing:
         return _Sweep(again, better, first)
     return _Sweep(gated, o.current, first)
 
@@ -144,13 +149,3 @@ def _is_leaving(localization: Localization, score: float, config: KeyframesConfi
     x, y, theta = localization.pose_keyframe_scan.pose.tolist()
     is_far = math.hypot(x, y) >= config.distance or abs(theta) >= config.turn
     return is_far or score < config.min_score
-
-
-def _step_motion(o: Observation, attempt: Attempt, gated: GatedMatch) -> UncertainPose:
-    """Return the motion since the previous scan as the poses have it, with the covariance of expectation and match."""
-    expected = o.prediction.repeated if gated.is_by_last_motion else o.expected
-    if not gated.is_plausible:
-        expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
-    measured = compose(inverse(attempt.origin), gated.measured or as_measurement(gated.result))
-    pose = se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose)
-    return UncertainPose(pose, fuse(expected, measured)[0].cov)
