@@ -24,7 +24,7 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.io import read_log
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.io.files.lines import as_path
-from curvescan.io.log import MountedLog
+from curvescan.io.log import ScanAccess
 from curvescan.io.ros.transforms import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry.odometry import Odometry
@@ -238,7 +238,7 @@ class Rig:
             scans.append(joiner.join(group))
             joiner.moved(scans[-1], odometry.add(scans[-1]).motion)
         laser = next(iter(logs.values()))
-        wheels = laser.robot_odometry() if isinstance(laser, MountedLog) else None
+        wheels = laser.robot_odometry() if isinstance(laser, ScanAccess) else None
         stamps = np.array([scan.stamp for scan in scans])
         return MemoryLog(
             scans=tuple(scans),
