@@ -195,14 +195,8 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
 
 def _gyroscope(log: Log, sense: RotationDirection | None) -> Gyroscope | None:
     """Return what sure matches say of a gyroscope; None where it is unused, reversed or in degrees."""
-<<<<<<< HEAD
     is_used = sense is not None and sense.reference == "gyroscope" and not (sense.is_reversed or sense.is_in_degrees)
-    turned = log.turned_by_gyro() if is_used and isinstance(log, GyroLog) else None
-=======
-    if sense is None or sense.reference != "gyroscope" or sense.is_reversed or sense.is_in_degrees:
-        return None
-    turned = log.turned_by_gyro() if isinstance(log, ScanAccess) else None
->>>>>>> main
+    turned = log.turned_by_gyro() if is_used and isinstance(log, ScanAccess) else None
     return None if turned is None else judge_gyroscope(log, turned)
 
 
