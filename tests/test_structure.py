@@ -210,7 +210,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "matchers/baselines": (1586, 44, 35),
     "matchers/cfsma": (1112, 15, 17),
     "matchers/curvescan": (4072, 132, 30),
-    "odometry": (2125, 28, 20),
+    "odometry": (2102, 29, 20),
     "paper": (1641, 84, 0),
     "plots": (736, 37, 0),
     "runs": (1395, 14, 0),
