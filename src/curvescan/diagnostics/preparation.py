@@ -12,7 +12,7 @@ from curvescan.diagnostics.issues import Issue, find_issues
 from curvescan.diagnostics.motion_prior import Prior, choose_prior, straightened
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.io.arrays.memory import as_log
-from curvescan.io.log import GyroLog, HeldLog, Log, LogView
+from curvescan.io.log import HeldLog, Log, LogView, ScanAccess
 from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
@@ -141,11 +141,12 @@ class StreamMender:
     def _judge(self) -> None:
         report = inspect_log(as_log(self._first), SensorJudgement(beam_order=None, rotation=None))
         found = {i.kind: i for i in find_issues(report) if i.mending and i.kind in _DROPS}
+        since = f"from scan {len(self._first):,} on"
         for kind, issue in found.items():
             if kind not in self._done or issue.argument != self._done[kind].argument:
-                self._tell(f"from scan {len(self._first):,} on {issue.mending}")
+                self._tell(f"{since} {issue.mending}")
         for kind in self._done.keys() - found.keys():
-            self._tell(f"from scan {len(self._first):,} on no longer {self._done[kind].mending}")
+            self._tell(f"{since} no longer {self._done[kind].mending}")
         limits = dict(i.remedy for i in found.values() if i.remedy)
         self._filters = _filters(found, report)
         self._done, self._range_max = found, float(str(limits.get("range_max", math.inf)))
@@ -172,7 +173,7 @@ class _Changed(LogView):
 def _corrected(log: Log, kinds: Collection[str], report: LogReport, range_max: float) -> Log:
     """Return a log with a limit of its readings, its gyroscope corrected, and its sweeps straightened by it."""
     seconds = report.time.step_median if "bent_sweeps" in kinds else 0.0
-    turned, rates = log.turned_by_gyro() if isinstance(log, GyroLog) else None, np.full(len(log), np.nan)
+    turned, rates = log.turned_by_gyro() if isinstance(log, ScanAccess) else None, np.full(len(log), np.nan)
     if turned is not None:
         bias = report.gyroscope.bias if report.gyroscope and "gyro_bias" in kinds else 0.0
         stamps = np.array([scan.stamp for scan in log])

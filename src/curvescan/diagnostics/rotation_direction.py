@@ -15,7 +15,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from curvescan import se2
-from curvescan.io.log import GyroLog, Log
+from curvescan.io.log import Log, ScanAccess
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -68,7 +68,7 @@ def rotation_of_log(log: Log) -> RotationDirection | None:
     """Return how a log's scans, read once more, turn against its wheels, or else its gyroscope; None without either."""
     if (odometry := log.odometry) is not None:
         return compare_rotation(log, odometry.poses[:, 2], "wheel odometry")
-    if isinstance(log, GyroLog) and (turned := log.turned_by_gyro()) is not None:
+    if isinstance(log, ScanAccess) and (turned := log.turned_by_gyro()) is not None:
         return compare_rotation(log, turned, "gyroscope")
     return None
 
@@ -82,12 +82,8 @@ def compare_rotation(scans: Iterable[LaserScan], headings: Floats, reference: Re
     sharpest = {int(k) for k in np.argsort(-sharpness)[:_N_PAIRS] if sharpness[k] > 0.0}
     if not sharpest:
         return None
-    ratios = []
-    for k, (earlier, later) in enumerate(pairwise(scans)):
-        if k in sharpest:
-            turn = turn_between(earlier, later)
-            if turn != 0.0:
-                ratios.append(turns[k] / turn)
+    seen = ((k, turn_between(*pair)) for k, pair in enumerate(pairwise(scans)) if k in sharpest)
+    ratios = [turns[k] / turn for k, turn in seen if turn != 0.0]
     return RotationDirection(
         reference=reference,
         n_turns=len(ratios),

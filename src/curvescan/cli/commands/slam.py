@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,20 +78,9 @@ def _run(
     from curvescan.cli.summary import report
 
     source = use.reading.open(log)
+    options |= use.options(matching)
     with run_display() as display:
-        result = run(
-            source,
-            out=out,
-            method=matching.method,
-            matcher=matching.matcher,
-            odometry_prior=use.preparation.wanted,
-            as_is=use.preparation.as_is,
-            command=sys.argv,
-            source=log,
-            keeps_steps=False,
-            display=display,
-            **options,
-        )
+        result = run(source, out=out, source=log, keeps_steps=False, display=display, **options)
     return report(result, out)
 
 
