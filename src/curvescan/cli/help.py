@@ -52,7 +52,10 @@ def short_help(name: str, command: Callable[..., int]) -> str:
     purpose = textwrap.wrap(_paragraph(command), width)
     foot = ["", "Defaults and full texts: --help-all."]
     if n_groups:
-        foot[1] = "Every parameter, with defaults: --help-all; set them there or in a TOML file (--config)."
+        has_file = any(flag.name.startswith("--config ") for flag in flags)
+        foot[1] = "Every parameter, with defaults: --help-all" + (
+            "; set them there or in a TOML file (--config)." if has_file else "."
+        )
     n_left = _MAX_LINES - len(purpose) - len(foot) - 4
     if len(positional) + len(flags) > n_left:
         flags = list(_merged(flags))
