@@ -13,14 +13,14 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess_pose
-from curvescan.matchers.curvescan.assessment.confidence import GUESSED_REPETITION, WeighedPoses, weigh
+from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, weigh
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import SAME, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import N_WIDE, CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.sampling import choose_samples
-from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
-from curvescan.matchers.curvescan.pose_difference import distance
+from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, X, Y
+from curvescan.matchers.curvescan.proposal.rotation_hypotheses import dominant_axis
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, FINE, select
 from curvescan.matchers.curvescan.proposal.search import CONTESTED, Candidates, Problem
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine_fully
@@ -39,14 +39,10 @@ class RefinedCandidates(NamedTuple):
 
     weighed: WeighedPoses  # poses of the current scan in the reference and what speaks for each, the most likely first
     assessment: Assessment | None  # of the first; None where no pose finds enough support
-    is_guess_decisive: bool = False  # whether a guess decided between poses that explain the scans
 
 
 def refine_candidates(problem: Problem, found: Candidates) -> RefinedCandidates:
-    """Return the candidates refined on all readings, and the best of those along a weakly observable direction.
-
-    Of poses that explain the scans the one that a guess is clearly nearest to is kept alone.
-    """
+    """Return the candidates refined on all readings, and the best of those along a weakly observable direction."""
     ref, cur, _, config = problem
     poses, scores = top_candidates(ref, cur, found, config)
     weighed = weigh(problem, poses, scores)
@@ -58,15 +54,28 @@ def refine_candidates(problem: Problem, found: Candidates) -> RefinedCandidates:
     if along is not None:
         poses, scores = search_degenerate_direction(ref, cur, weighed.poses, along, config)
         weighed = weigh(problem, poses, scores)
-        if not np.array_equal(best, weighed.poses[0]):
-            assessment = assess_pose(ref, cur, weighed.poses[0], config)
-    kept = prefer(problem, weighed)
-    if kept is None:
-        return RefinedCandidates(weighed=weighed, assessment=assessment)
-    weighed = weighed.rows([kept])
-    if kept > 0:
+    images = images_of(ref, assessment, weighed, config)
+    if len(images):
+        weighed = weigh(problem, *_finish(ref, cur, np.concatenate((weighed.poses, images)), config))
+    if not np.array_equal(best, weighed.poses[0]):
         assessment = assess_pose(ref, cur, weighed.poses[0], config)
-    return RefinedCandidates(weighed=weighed, assessment=assessment, is_guess_decisive=True)
+    return RefinedCandidates(weighed=weighed, assessment=assessment)
+
+
+def images_of(ref: CurvescanFeatures, assessment: Assessment, weighed: WeighedPoses, config: CurvescanConfig) -> Floats:
+    """Return (k, 3) poses that look as the best one does: turned in a bare room, one thing on in a row of equal ones."""
+    best, images = weighed.poses[0], []
+    if weighed.is_bare and assessment.is_enough(config.scoring):
+        points = ref.image.surfels[assessment.codes_ref == INLIER][:, [X, Y]]
+        axis = dominant_axis(ref.image.samples)
+        c, s = math.cos(axis), math.sin(axis)
+        turned = points @ np.array([[c, -s], [s, c]])
+        x, y = np.array([[c, -s], [s, c]]) @ (0.5 * (turned.min(axis=0) + turned.max(axis=0)))
+        x0, y0 = float(best[0] - x), float(best[1] - y)
+        images += [[x - y0, y + x0, best[2] + 0.5 * math.pi], [x - x0, y - y0, best[2] + math.pi]]
+        images += [[x + y0, y - x0, best[2] - 0.5 * math.pi]]
+    images += [2.0 * best - weighed.poses[k] for k in weighed.repeated_along()]
+    return np.array(images).reshape(-1, 3)
 
 
 def direction_to_search(
@@ -147,18 +156,3 @@ def competing_hypotheses(scores: Floats) -> list[int]:
     """Return the rows of the poses that are as good as the first."""
     least = min(_AS_GOOD * scores[0], scores[0] - _AS_GOOD_MARGIN)
     return [k for k in range(1, len(scores)) if scores[k] > least]
-
-
-def prefer(problem: Problem, weighed: WeighedPoses) -> int | None:
-    """Return the row of the one of several poses that explain the scans that a guess is clearly nearest to, or None."""
-    poses = weighed.poses
-    if problem.guess is None or len(poses) == 1:
-        return None
-    competing = competing_hypotheses(weighed.scores)
-    rows = [k for k in range(1, len(poses)) if k in competing or weighed.repetition(k) > GUESSED_REPETITION]
-    if not rows:
-        return None
-    rows = [0, *rows]
-    distances = [distance(poses[k], problem.guess) for k in rows]
-    first, second = np.argsort(distances, kind="stable")[:2].tolist()
-    return None if 2.0 * distances[first] > distances[second] else rows[first]

@@ -64,7 +64,6 @@ class AssessedPose:
     # rows of the candidates that may be right as well and differ by a motion along the least informed direction
     ties: list[int]
     support: Support | None = None  # what speaks for the first and against it; None where too few readings agree
-    is_guess_decisive: bool = False  # whether a guess decided between poses that explain the scans
 
     @property
     def poses(self) -> Floats:
@@ -92,6 +91,7 @@ class Verdict(NamedTuple):
     covariance: Cov | None = None  # (3, 3) float64 or None: of the pose
     is_degenerate: bool = False  # whether the scans leave a direction open
     confidence: float = 0.0  # probability that the pose is right, within what its covariance says
+    is_guess_decisive: bool = False  # whether the scans alone leave several poses, and the prior decided
 
 
 def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
@@ -105,6 +105,10 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
         return AssessedPose(weighed=weighed, is_degenerate=np.ones(3, dtype=np.bool_), ties=[])
     poses = weighed.poses
     is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
+    if is_degenerate[0]:
+        # where the scans leave a direction open, the prior decides along it: it is not held against the pose
+        slid = problem.prior.nearest_along(poses[0], assessment.weakest, config.hypotheses.along_reach)
+        weighed = replace(weighed, priors=np.append(problem.prior.log_odds(slid[np.newaxis]), weighed.priors[1:]))
     walls = direction_of_walls(ref, assessment) if weighed.is_one_way else None
     along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), walls, config)
     competing = competing_hypotheses(weighed.scores)
@@ -118,13 +122,7 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
         ties = [k for k in along if k in ties or weighed.is_as_likely(k)]
     is_degenerate[0] |= is_flat or len(ties) > 0
     return AssessedPose(
-        weighed=weighed,
-        assessment=assessment,
-        is_degenerate=is_degenerate,
-        is_flat=is_flat,
-        ties=ties,
-        support=support,
-        is_guess_decisive=refined.is_guess_decisive,
+        weighed=weighed, assessment=assessment, is_degenerate=is_degenerate, is_flat=is_flat, ties=ties, support=support
     )
 
 
@@ -155,7 +153,7 @@ def ties_of(support: Support, along: list[int], config: CurvescanConfig) -> list
     if not along:
         return []
     ties = [k for k in support.repeated() if k in along]
-    if support.confidence_with(ties) < config.scoring.min_confidence:
+    if support.probabilities(ties).accept < config.scoring.min_confidence:
         ties = [k for k in along if k in support.rivals]
     return ties
 
@@ -170,13 +168,12 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     least = config.scoring.min_confidence
     if assessment is None or support is None or is_degenerate.all():
         return Verdict(outcome=Outcome.UNSUPPORTED)
-    confidence = support.confidence_with(assessed.ties)
-    if not set(support.repeated()) <= set(assessed.ties):
-        return Verdict(outcome=Outcome.AMBIGUOUS)
-    if confidence < least:
-        is_any = support.is_related >= least
-        return Verdict(outcome=Outcome.AMBIGUOUS if is_any else Outcome.UNSUPPORTED)
-    if assessed.weighed.may_be_turned or is_in_box(ref, cur, assessed.weighed, assessment):
+    accept, _, unsupported = support.probabilities(assessed.ties)
+    is_alone = set(support.repeated()) <= set(assessed.ties)
+    if is_alone and accept < least and 1.0 - unsupported < least:
+        return Verdict(outcome=Outcome.UNSUPPORTED)
+    is_turned = assessed.weighed.may_be_turned or is_in_box(ref, cur, assessed.weighed, assessment)
+    if not is_alone or accept < least or is_turned:
         return Verdict(outcome=Outcome.AMBIGUOUS)
     pose, assessment, cov = place(problem, assessed, assessment)
     return Verdict(
@@ -185,20 +182,21 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
         assessment=assessment,
         covariance=cov,
         is_degenerate=bool(is_degenerate.any()),
-        confidence=confidence,
+        confidence=accept,
+        is_guess_decisive=problem.prior.is_told and support.is_by_prior,
     )
 
 
 def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> tuple[Pose, Assessment, Cov]:
     """Return the pose, moved along a degenerate direction to a guess or its ties; its support and its covariance."""
-    ref, cur, guess, config = problem
+    ref, cur, prior, config = problem
     ties, is_degenerate = assessed.ties, assessed.is_degenerate
     poses, pose = assessed.weighed.poses, assessed.weighed.poses[0]
     if assessed.is_flat and ties:
-        pose = nearest_of_ties(guess, poses, assessed.weighed.scores, ties)
+        pose = nearest_of_ties(assessed.weighed, ties)
         assessment = assess_pose(ref, cur, pose, config)
-    if assessed.is_flat and guess is not None:
-        pose, assessment = move_to_guess(ref, cur, guess, pose, assessment, config)
+    if assessed.is_flat and prior.is_told:
+        pose, assessment = move_to_guess(ref, cur, prior.pose, pose, assessment, config)
     cov = assessment.covariance(is_degenerate, config.information)
     if is_degenerate[0]:
         cov = cov + covariance_of_direction(assessment.weakest, config.information)
@@ -229,7 +227,7 @@ def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, dir
         return None
     if not assessed.ties and not first.is_open[0]:
         return rules.max_sigma
-    if problem.guess is not None or math.hypot(*direction[:2]) <= _LEAST_SHIFT or first.information[0] < 0.0:
+    if problem.prior.is_told or math.hypot(*direction[:2]) <= _LEAST_SHIFT or first.information[0] < 0.0:
         return None
     # a bare corridor fits best where it is laid over itself, as if the sensor stood still
     places, step = assessed.poses[[0, *assessed.ties], :2] @ direction[:2], problem.config.hypotheses.along_step
@@ -262,11 +260,10 @@ def _candidate(
     )
 
 
-def nearest_of_ties(guess: Pose | None, poses: Floats, scores: Floats, rows: list[int]) -> Pose:
-    """Return of the first pose and those rows that tie with it the one nearest to the guess, or to standing still."""
-    around = np.zeros(3) if guess is None else guess
-    ties = [0, *(k for k in rows if scores[k] > _TIE * scores[0])]
-    nearest: Pose = poses[min(ties, key=lambda k: distance(poses[k], around))]
+def nearest_of_ties(weighed: WeighedPoses, rows: list[int]) -> Pose:
+    """Return of the first pose and those rows that tie with it the one that is expected most."""
+    ties = [0, *(k for k in rows if weighed.scores[k] > _TIE * weighed.scores[0])]
+    nearest: Pose = weighed.poses[max(ties, key=lambda k: float(weighed.priors[k]))]
     return nearest
 
 

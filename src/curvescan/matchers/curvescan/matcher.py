@@ -19,6 +19,7 @@ from curvescan.matchers.curvescan.candidates import refine_candidates
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, competing_poses, disambiguate
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
+from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, propose
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
 from curvescan.scan import LaserScan
@@ -29,9 +30,7 @@ _NO_CODES = np.empty(0, dtype=np.uint8)
 _MIN_PROBES = 6
 _NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
 _NOT_ASSESSED = AssessedPose(
-    weighed=WeighedPoses(
-        _NOTHING.poses, _NOTHING.scores, np.empty((0, N_EVIDENCE)), np.empty(0), np.empty(0, dtype=np.bool_)
-    ),
+    weighed=WeighedPoses(_NOTHING.poses, _NOTHING.scores, np.empty((0, N_EVIDENCE)), np.empty(0)),
     is_degenerate=np.ones(3, dtype=np.bool_),
     ties=[],
 )
@@ -69,7 +68,7 @@ class CurvescanMatcher:
         The pose of the prior is one more hypothesis. It is taken without a look at others when many readings agree
         there and fix both axes, and it decides between poses that explain the scans as well as each other.
         """
-        problem = Problem(reference, current, None if prior is None else prior.pose, self.config)
+        problem = Problem(reference, current, WIDE if prior is None else Prior.of(prior), self.config)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
             return report(problem, _NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
         candidates = propose(problem)
@@ -100,7 +99,7 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
         confidence=verdict.confidence,
         candidates=competing_poses(problem, assessed, verdict),
         information=_information(verdict, assessed),
-        is_guess_decisive=assessed.is_guess_decisive and assessment is not None,
+        is_guess_decisive=verdict.is_guess_decisive,
     )
 
 

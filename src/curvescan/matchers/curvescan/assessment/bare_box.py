@@ -13,12 +13,12 @@ from curvescan.matchers.curvescan.assessment.assessment import Assessment
 from curvescan.matchers.curvescan.assessment.confidence import ANY, WeighedPoses
 from curvescan.matchers.curvescan.assessment.evidence import BEYOND, SMALL
 from curvescan.matchers.curvescan.assessment.labels import INLIER
-from curvescan.matchers.curvescan.config import NEAR
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.surfels import X, Y
 from curvescan.types import Codes, Floats
 
 _SIZE = 2.3  # metres from corner to corner of what agrees: in less a robot turns round
+_STILL = -0.015  # log odds of the prior from which on it speaks for the pose: 0.3 m, 15 degrees
 _N_TAKEN = 48  # readings that stand for all where an extent is measured
 
 
@@ -30,7 +30,7 @@ def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPo
     best = weighed.evidence[0]
     if best[BEYOND] >= ANY or best[SMALL] > ANY:
         return False
-    if weighed.is_guessed[0] or weighed.motions[0] <= NEAR:
+    if weighed.priors[0] > _STILL:
         return False
     sizes = (extent(ref.image.surfels, assessment.codes_ref), extent(cur.image.surfels, assessment.codes_cur))
     return max(sizes) < _SIZE
