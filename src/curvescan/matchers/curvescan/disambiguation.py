@@ -19,7 +19,7 @@ from curvescan.matchers.curvescan.assessment.bare_box import is_in_box
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
 from curvescan.matchers.curvescan.assessment.information import covariance
 from curvescan.matchers.curvescan.assessment.support import Support, support_of
-from curvescan.matchers.curvescan.candidates import RefinedCandidates, competing_hypotheses, direction_of_walls
+from curvescan.matchers.curvescan.candidates import competing_hypotheses, direction_of_walls
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
@@ -94,10 +94,9 @@ class Verdict(NamedTuple):
     is_guess_decisive: bool = False  # whether the scans alone leave several poses, and the prior decided
 
 
-def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
+def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | None) -> AssessedPose:
     """Return the best candidate refined without what moved, the directions left open there, and what supports it."""
     ref, cur, _, config = problem
-    weighed, assessment = refined.weighed, refined.assessment
     if assessment is not None and assessment.n_dynamic:
         poses, assessment = without_dynamic(ref, cur, weighed.poses, assessment, config)
         weighed = replace(weighed, poses=poses)

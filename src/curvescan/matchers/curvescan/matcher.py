@@ -72,8 +72,7 @@ class CurvescanMatcher:
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
             return report(problem, _NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
         candidates = propose(problem)
-        refined = refine_candidates(problem, candidates)
-        assessed = assess(problem, refined)
+        assessed = assess(problem, *refine_candidates(problem, candidates))
         verdict = disambiguate(problem, assessed)
         return report(problem, candidates, assessed, verdict)
 

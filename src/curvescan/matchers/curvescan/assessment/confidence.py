@@ -60,7 +60,7 @@ COEFFICIENTS = {
     "few_prior": 3.0,
     "few_seen_through": -3.32,
 }
-"""Log odds of a pose against nothing in common, by its terms; fitted by bench/fit_confidence.py, all but the prior's."""
+"""Log odds of a pose against nothing in common, by its terms, fitted by bench/fit_confidence.py; the prior's is 1."""
 
 RIVAL_COEFFICIENTS = {
     "constant": -2.06,
@@ -158,7 +158,7 @@ class WeighedPoses:
         return dict(zip(RIVAL_COEFFICIENTS, self._rival_terms_at(k), strict=True))
 
     def rival_log_odds(self, k: int) -> tuple[float, float]:
-        """Return the log odds that pose k is right and not the first, no more than it is less likely, and repetition."""
+        """Return the log odds that pose k is right and not the first, at most the difference of theirs; repetition."""
         terms = self._rival_terms_at(k)
         return min(_weighted(_RIVAL_WEIGHTS, terms), self._odds[k] - self._odds[0]), terms[-1]
 
@@ -174,7 +174,7 @@ class WeighedPoses:
         return bool(self._rows[0][BEYOND] < ANY)
 
     def repeated_along(self) -> list[int]:
-        """Return the rows of poses that are turned as the first is, stand beside it, and explain some of its support."""
+        """Return the rows of poses beside the first, turned as it is, that explain some of its support."""
         return [k for k in range(1, len(self.poses)) if self.is_beside(k) and self.repetition(k) > REGULAR]
 
     def is_beside(self, k: int) -> bool:
