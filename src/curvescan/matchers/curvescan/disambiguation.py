@@ -15,10 +15,11 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     degenerate_directions,
     without_dynamic,
 )
-from curvescan.matchers.curvescan.assessment.bare_box import is_in_box
-from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
+from curvescan.matchers.curvescan.assessment.confidence import ANY, WeighedPoses
+from curvescan.matchers.curvescan.assessment.evidence import SMALL
 from curvescan.matchers.curvescan.assessment.information import covariance
 from curvescan.matchers.curvescan.assessment.support import Support, support_of
+from curvescan.matchers.curvescan.assessment.walls import extent
 from curvescan.matchers.curvescan.candidates import competing_hypotheses, direction_of_walls
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
@@ -47,6 +48,8 @@ _LEAST_SHIFT = 0.5
 
 _MAX_CANDIDATES = 8
 
+_BOX = 2.3  # metres from corner to corner of what agrees: in less a robot turns round
+_STILL = -0.015  # log odds of the prior from which on it speaks for the pose there: 0.3 m, 15 degrees
 _TIE = 0.97  # of poses along an open direction with this share of the best score the one nearest to the guess is taken
 
 
@@ -64,16 +67,6 @@ class AssessedPose:
     # rows of the candidates that may be right as well and differ by a motion along the least informed direction
     ties: list[int]
     support: Support | None = None  # what speaks for the first and against it; None where too few readings agree
-
-    @property
-    def poses(self) -> Floats:
-        """(k, 3) the candidate and the others, the most likely first."""
-        return self.weighed.poses
-
-    @property
-    def scores(self) -> Floats:
-        """(k,) how well the scans agree at each, at most 1."""
-        return self.weighed.scores
 
     @cached_property
     def information(self) -> Cov:
@@ -143,7 +136,7 @@ def along_weakest_direction(
     return [
         k
         for k in range(1, len(poses))
-        if any(is_along(one, poses[0], poses[k], rules.along_tolerance) for one in directions)
+        if any(is_along(one, poses[0], poses[k], config.hypotheses.along_step) for one in directions)
     ]
 
 
@@ -186,6 +179,18 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     )
 
 
+def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPoses, assessment: Assessment) -> bool:
+    """Return whether the first pose may be turned by a quarter in a place as small as the cabin of an elevator.
+
+    Nothing but its walls agrees, no people hide the rest, and neither a prior nor standing still speaks for the pose.
+    Of half a circle two walls are in sight, which fit any corner; what the door shows may be another floor.
+    """
+    if not weighed.is_bare or weighed.evidence[0, SMALL] > ANY or weighed.priors[0] > _STILL:
+        return False
+    sizes = (extent(ref.image.surfels, assessment.codes_ref), extent(cur.image.surfels, assessment.codes_cur))
+    return max(sizes) < _BOX
+
+
 def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> tuple[Pose, Assessment, Cov]:
     """Return the pose, moved along a degenerate direction to a guess or its ties; its support and its covariance."""
     ref, cur, prior, config = problem
@@ -211,9 +216,12 @@ def competing_poses(problem: Problem, assessed: AssessedPose, verdict: Verdict) 
         return ()
     direction = (verdict.assessment or first).weakest
     sigma = sigma_along(problem, assessed, first, direction) if assessed.is_degenerate[0] else None
-    best = _candidate(problem, assessed.poses[0], support.log_odds, first, assessed.is_degenerate, sigma)
+    best = _candidate(problem, assessed.weighed.poses[0], support.log_odds, first, assessed.is_degenerate, sigma)
     rows = sorted(support.rivals, key=lambda row: -support.rivals[row])[: _MAX_CANDIDATES - 1]
-    return (best, *(_rival(problem, assessed.poses[row], support.log_odds + support.rivals[row]) for row in rows))
+    return (
+        best,
+        *(_rival(problem, assessed.weighed.poses[row], support.log_odds + support.rivals[row]) for row in rows),
+    )
 
 
 def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, direction: Pose) -> float | None:
@@ -229,7 +237,7 @@ def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, dir
     if problem.prior.is_told or math.hypot(*direction[:2]) <= _LEAST_SHIFT or first.information[0] < 0.0:
         return None
     # a bare corridor fits best where it is laid over itself, as if the sensor stood still
-    places, step = assessed.poses[[0, *assessed.ties], :2] @ direction[:2], problem.config.hypotheses.along_step
+    places, step = assessed.weighed.poses[[0, *assessed.ties], :2] @ direction[:2], problem.config.hypotheses.along_step
     if places.min() < step and places.max() > -step:
         return None
     return math.sqrt(rules.max_sigma**2 + float(np.mean((places - places[0]) ** 2)))

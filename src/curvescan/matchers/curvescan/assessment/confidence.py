@@ -71,7 +71,7 @@ RIVAL_COEFFICIENTS = {
 }
 """Log odds that another pose is right and not the best, by its terms less those of the best, and its repetition."""
 
-_PRIOR_OF_RANK = 0.2  # share of what the prior weighs where poses of the same scans are compared
+_PRIOR_OF_TWO = 0.2  # share of what the prior weighs where two poses of the same scans are compared
 _ENOUGH_EXCESS = 2.0  # metres of excess from which on a pose rests on more than two walls
 _FLOOR = 0.1  # metres, and mean square: what is added before a logarithm is taken
 # Rows of a pose's terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice.
@@ -93,7 +93,6 @@ _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that e
 _HOPELESS = -3.0  # log odds: of 5,500 matches none had a first pose with less than -1.3
 _AS_LIKELY = 0.6  # log odds by which a place along one long wall may be less likely than the best
 _ONE_WAY = 0.12  # of what agrees: less of it runs across the rest in a corridor
-_FADING = 0.2  # share of what the prior weighs by which a rival fades that is expected less than the best
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +142,7 @@ class WeighedPoses:
 
     def rank(self, k: int) -> float:
         """Return what poses are compared by: the log odds, in which the prior counts for little."""
-        return self._odds[k] - (1.0 - _PRIOR_OF_RANK) * self._by_prior(k)
+        return self._odds[k] - (1.0 - _PRIOR_OF_TWO) * self._by_prior(k)
 
     def _by_prior(self, k: int) -> float:
         """Return what the prior weighs in the log odds of a pose."""
@@ -249,7 +248,7 @@ class WeighedPoses:
 
     def fading(self, k: int) -> float:
         """Return the share that is left of a rival by how much less the prior has it than the first."""
-        return math.exp(min(_FADING * (self._by_prior(k) - self._by_prior(0)), 0.0))
+        return math.exp(min(_PRIOR_OF_TWO * (self._by_prior(k) - self._by_prior(0)), 0.0))
 
 
 def _weighted(weights: tuple[float, ...], terms: list[float]) -> float:

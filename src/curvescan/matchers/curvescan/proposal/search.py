@@ -25,7 +25,7 @@ from curvescan.types import Floats, Pose
 _MAX_PAIRS = 4000  # pairs of keypoints taken, at most
 # Where no pose finds support, places up to so many metres along each axis are tried at which walls coincide within so
 # many metres, and so many an axis.
-_ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED = 2.0, 0.1, 3
+_ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED = 2.0, SAME, 3
 _N_KEPT = 4  # poses that are refined
 CONTESTED = 0.3  # a pose with this share of the best one's score competes with it, and is judged beside it
 _FEW_TRIED, _CERTAIN_SCORE = 24, 0.55  # with fewer poses than this to try, other ways are tried up to the next score
@@ -39,19 +39,6 @@ class Problem(NamedTuple):
     current: CurvescanFeatures
     prior: Prior  # where the current scan is expected in the reference
     config: CurvescanConfig  # all parameters
-
-
-class Cues(NamedTuple):
-    """What of a scan proposes poses."""
-
-    image: RangeImage
-    keypoints: Floats  # (k, 5): columns as in keypoints.py
-    directions: Floats  # (120,): length of surface that faces each direction
-
-    @classmethod
-    def of(cls, features: CurvescanFeatures) -> Cues:
-        """Return those of a scan."""
-        return cls(features.image, features.keypoints, features.directions)
 
 
 class Effort(NamedTuple):
@@ -136,7 +123,9 @@ def search(ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, config:
     scans coincide are tried as well.
     """
     effort = _effort(config)
-    poses, scores, rotated, n_tried = propose_widely(prior.pose, Cues.of(ref), Cues.of(cur), effort)
+    poses, scores, rotated, n_tried = propose_widely(
+        prior.pose, ref.image, ref.keypoints, ref.directions, cur.image, cur.keypoints, cur.directions, effort
+    )
     found = Candidates(poses=poses, scores=scores, n_tried=n_tried)
     if not _is_doubtful(found, config) or _is_expected(found, prior, config):
         return found
@@ -167,12 +156,21 @@ def _effort(config: CurvescanConfig) -> Effort:
 
 
 @kernel
-def propose_widely(expected: Pose, ref: Cues, cur: Cues, effort: Effort) -> tuple[Floats, Floats, Floats, int]:
+def propose_widely(
+    expected: Pose,
+    ref: RangeImage,
+    keypoints_ref: Floats,
+    directions_ref: Floats,
+    cur: RangeImage,
+    keypoints_cur: Floats,
+    directions_cur: Floats,
+    effort: Effort,
+) -> tuple[Floats, Floats, Floats, int]:
     """Return the best poses that keypoints, directions and a prior propose, their scores, all turns, and how many."""
-    rotated = rotation_hypotheses(ref.directions, cur.directions, effort.n_rotations, expected)
-    pairs = pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, effort.min_turn, effort.max_pairs)
+    rotated = rotation_hypotheses(directions_ref, directions_cur, effort.n_rotations, expected)
+    pairs = pair_keypoints(keypoints_ref, keypoints_cur, ref, cur, effort.min_turn, effort.max_pairs)
     tried = stack(rotated, most_voted(pairs, effort.cell, 0.5 * effort.cell, effort.max_tried))
-    poses, scores = explore(tried, ref.image, cur.image, effort)
+    poses, scores = explore(tried, ref, cur, effort)
     return poses, scores, rotated, tried.shape[0]
 
 
