@@ -7,8 +7,8 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose, degenerate_directions
-from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, weigh
-from curvescan.matchers.curvescan.assessment.evidence import N_EVIDENCE, SMALL
+from curvescan.matchers.curvescan.assessment.confidence import weigh
+from curvescan.matchers.curvescan.assessment.evidence import SMALL
 from curvescan.matchers.curvescan.assessment.support import Support
 from curvescan.matchers.curvescan.candidates import (
     competing_hypotheses,
@@ -22,7 +22,6 @@ from curvescan.matchers.curvescan.disambiguation import (
     along_weakest_direction,
     covariance_of_ties,
     move_to_guess,
-    nearest_of_ties,
     ties_of,
 )
 from curvescan.matchers.curvescan.prior import WIDE, Prior
@@ -74,16 +73,7 @@ def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
     assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
     poses = np.array([[0.6, 0.0, 0.0], [0.05, 0.0, 0.0], [0.6, 1.0, 0.0]])
-    scores = np.array([0.9, 0.895, 0.89])
     assert along_weakest_direction(poses, assessment, True, None, CONFIG) == [1]
-
-    def nearest(prior, scores=scores):
-        found = WeighedPoses(poses, scores, np.zeros((3, N_EVIDENCE)), prior.log_odds(poses))
-        return nearest_of_ties(found, [1])
-
-    np.testing.assert_array_equal(nearest(WIDE), poses[1])
-    np.testing.assert_array_equal(nearest(Prior.of(prior_of(None, [0.7, 0, 0]))), poses[0])
-    np.testing.assert_array_equal(nearest(WIDE, np.array([0.9, 0.8, 0.8])), poses[0])
 
 
 def test_a_fine_slide_stays_on_the_corridor():

@@ -105,10 +105,7 @@ def top_candidates(
     """Return the best pose and those that come near it, refined on all readings, best first, and their scores."""
     if not len(found.scores):
         return found.poses, found.scores
-    scores = found.scores.tolist()
-    rows = [k for k, score in enumerate(scores) if score > CONTESTED * scores[0]]
-    near = found.poses[: len(rows)] if rows == list(range(len(rows))) else found.poses[rows]
-    return _finish(ref, cur, near, config)
+    return _finish(ref, cur, found.poses[found.scores > CONTESTED * found.scores[0]], config)
 
 
 def search_degenerate_direction(

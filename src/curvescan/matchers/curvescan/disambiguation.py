@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -41,16 +40,11 @@ _DIRECTION_SIGMA = 0.003  # standard deviation of a degenerate direction, radian
 # Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
 # bare corridor have less in common than they seem to where they are laid over each other.
 _SHARE = 0.7
-
-
+# Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn.
 _LEAST_SHIFT = 0.5
-"""Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn."""
-
 _MAX_CANDIDATES = 8
-
 _BOX = 2.3  # metres from corner to corner of what agrees: in less a robot turns round
 _STILL = -0.015  # log odds of the prior from which on it speaks for the pose there: 0.3 m, 15 degrees
-_TIE = 0.97  # of poses along an open direction with this share of the best score the one nearest to the guess is taken
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,11 +61,6 @@ class AssessedPose:
     # rows of the candidates that may be right as well and differ by a motion along the least informed direction
     ties: list[int]
     support: Support | None = None  # what speaks for the first and against it; None where too few readings agree
-
-    @cached_property
-    def information(self) -> Cov:
-        """(3, 3) what the scans alone say of the first pose; zero where too few readings agree."""
-        return np.zeros((3, 3)) if self.assessment is None else self.assessment.information_matrix(self.is_degenerate)
 
 
 class Verdict(NamedTuple):
@@ -192,13 +181,10 @@ def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPo
 
 
 def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> tuple[Pose, Assessment, Cov]:
-    """Return the pose, moved along a degenerate direction to a guess or its ties; its support and its covariance."""
+    """Return the pose, moved along a direction that is open to where a prior has it; its support and its covariance."""
     ref, cur, prior, config = problem
     ties, is_degenerate = assessed.ties, assessed.is_degenerate
     poses, pose = assessed.weighed.poses, assessed.weighed.poses[0]
-    if assessed.is_flat and ties:
-        pose = nearest_of_ties(assessed.weighed, ties)
-        assessment = assess_pose(ref, cur, pose, config)
     if assessed.is_flat and prior.is_told:
         pose, assessment = move_to_guess(ref, cur, prior.pose, pose, assessment, config)
     cov = assessment.covariance(is_degenerate, config.information)
@@ -216,12 +202,12 @@ def competing_poses(problem: Problem, assessed: AssessedPose, verdict: Verdict) 
         return ()
     direction = (verdict.assessment or first).weakest
     sigma = sigma_along(problem, assessed, first, direction) if assessed.is_degenerate[0] else None
-    best = _candidate(problem, assessed.weighed.poses[0], support.log_odds, first, assessed.is_degenerate, sigma)
-    rows = sorted(support.rivals, key=lambda row: -support.rivals[row])[: _MAX_CANDIDATES - 1]
-    return (
-        best,
-        *(_rival(problem, assessed.weighed.poses[row], support.log_odds + support.rivals[row]) for row in rows),
-    )
+    poses = assessed.weighed.poses
+    candidates = [_candidate(problem, poses[0], support.log_odds, first, assessed.is_degenerate, sigma)]
+    for row in sorted(support.rivals, key=lambda row: -support.rivals[row])[: _MAX_CANDIDATES - 1]:
+        found = assess_pose(problem.reference, problem.current, poses[row], problem.config)
+        candidates.append(_candidate(problem, poses[row], support.log_odds + support.rivals[row], found, found.is_open))
+    return tuple(candidates)
 
 
 def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, direction: Pose) -> float | None:
@@ -243,13 +229,8 @@ def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, dir
     return math.sqrt(rules.max_sigma**2 + float(np.mean((places - places[0]) ** 2)))
 
 
-def _rival(problem: Problem, pose: Pose, log_odds: float) -> Candidate:
-    found = assess_pose(problem.reference, problem.current, pose, problem.config)
-    return _candidate(problem, pose, log_odds, found, found.is_open, None)
-
-
 def _candidate(
-    problem: Problem, pose: Pose, log_odds: float, found: Assessment, is_open: Bools, sigma: float | None
+    problem: Problem, pose: Pose, log_odds: float, found: Assessment, is_open: Bools, sigma: float | None = None
 ) -> Candidate:
     """Return a candidate; sigma: of its best place along the weakest direction, metres, where there is one."""
     information = found.information_matrix(is_open)
@@ -267,19 +248,8 @@ def _candidate(
     )
 
 
-def nearest_of_ties(weighed: WeighedPoses, rows: list[int]) -> Pose:
-    """Return of the first pose and those rows that tie with it the one that is expected most."""
-    ties = [0, *(k for k in rows if weighed.scores[k] > _TIE * weighed.scores[0])]
-    nearest: Pose = weighed.poses[max(ties, key=lambda k: float(weighed.priors[k]))]
-    return nearest
-
-
 def covariance_of_direction(weakest: Pose, config: InformationConfig) -> Cov:
-    """Return the (3, 3) covariance across a degenerate direction that comes of not knowing the direction itself.
-
-    Walls are straight and parallel to a few milliradians: a pose a metre along lies beside the line by as many
-    millimetres.
-    """
+    """Return the (3, 3) covariance across a degenerate direction: walls are parallel to a few milliradians only."""
     dx, dy, _ = weakest.tolist()
     across = _DIRECTION_SIGMA * config.degenerate_sigma * np.array([-dy, dx, 0.0])
     cov: Cov = np.outer(across, across)

@@ -24,7 +24,6 @@ from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, pr
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.types import Cov
 
 _NO_CODES = np.empty(0, dtype=np.uint8)
 _MIN_PROBES = 6
@@ -82,6 +81,8 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
     ref, cur, assessment = problem.reference, problem.current, verdict.assessment
     codes = (assessment.codes_ref, assessment.codes_cur) if assessment else (_NO_CODES, _NO_CODES)
     labels = beam_labels(ref.n_beams, ref.beam_idx, codes[0], cur.n_beams, cur.beam_idx, codes[1])
+    best = None if assessed.support is None else assessment or assessed.assessment
+    information = np.zeros((3, 3)) if best is None else best.information_matrix(assessed.is_degenerate)
     scores: list[float] = assessed.weighed.scores.tolist()
     return MatchResult(
         method="curvescan",
@@ -97,16 +98,9 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
         runner_up=_score(scores[1:]),
         confidence=verdict.confidence,
         candidates=competing_poses(problem, assessed, verdict),
-        information=_information(verdict, assessed),
+        information=information,
         is_guess_decisive=verdict.is_guess_decisive,
     )
-
-
-def _information(verdict: Verdict, assessed: AssessedPose) -> Cov:
-    """Return the (3, 3) information of the scans alone at the pose, or without one at the best candidate."""
-    if verdict.assessment is None or verdict.assessment is assessed.assessment:
-        return assessed.information if assessed.support else np.zeros((3, 3))
-    return verdict.assessment.information_matrix(assessed.is_degenerate)
 
 
 def _score(scores: list[float]) -> float:
