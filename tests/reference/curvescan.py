@@ -162,7 +162,7 @@ def static_segments(surfels, bounds, partner, others, pose, limit, least):
     return is_static
 
 
-def confidence_terms(evidence, prior):
+def confidence_terms(evidence, prior, wide_prior):
     """What the confidence weighs of a pose by (9,) its evidence, by name."""
     agreeing, excess, weakest, misfit, missed, seen_through, large = np.maximum(evidence[:7], 0.0)
     few = max(1.0 - (excess + 0.1) / 2.0, 0.0)
@@ -179,6 +179,6 @@ def confidence_terms(evidence, prior):
         "prior": prior,
         "degenerate": 0.0,
         "few": few,
-        "few_prior": few * min(prior, 0.0),
+        "few_prior": few * wide_prior,
         "few_seen_through": few * (through + 1.0),
     }

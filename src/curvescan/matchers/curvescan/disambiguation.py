@@ -89,7 +89,8 @@ def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | Non
     if is_degenerate[0]:
         # where the scans leave a direction open, the prior decides along it: it is not held against the pose
         slid = problem.prior.nearest_along(poses[0], assessment.weakest, config.hypotheses.along_reach)
-        weighed = replace(weighed, priors=np.append(problem.prior.log_odds(slid[np.newaxis]), weighed.priors[1:]))
+        priors, wide_priors = problem.prior.log_odds(np.vstack((slid, poses[1:])))
+        weighed = replace(weighed, priors=priors, wide_priors=wide_priors)
     walls = direction_of_walls(ref, assessment) if weighed.is_one_way else None
     along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), walls, config)
     competing = competing_hypotheses(weighed.scores)
@@ -174,7 +175,7 @@ def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPo
     Nothing but its walls agrees, no people hide the rest, and neither a prior nor standing still speaks for the pose.
     Of half a circle two walls are in sight, which fit any corner; what the door shows may be another floor.
     """
-    if not weighed.is_bare or weighed.evidence[0, SMALL] > ANY or weighed.priors[0] > _STILL:
+    if not weighed.is_bare or weighed.evidence[0, SMALL] > ANY or weighed.is_told(0) or weighed.wide_priors[0] > _STILL:
         return False
     sizes = (extent(ref.image.surfels, assessment.codes_ref), extent(cur.image.surfels, assessment.codes_cur))
     return max(sizes) < _BOX

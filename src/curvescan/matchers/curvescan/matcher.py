@@ -29,7 +29,7 @@ _NO_CODES = np.empty(0, dtype=np.uint8)
 _MIN_PROBES = 6
 _NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
 _NOT_ASSESSED = AssessedPose(
-    weighed=WeighedPoses(_NOTHING.poses, _NOTHING.scores, np.empty((0, N_EVIDENCE)), np.empty(0)),
+    weighed=WeighedPoses(_NOTHING.poses, _NOTHING.scores, np.empty((0, N_EVIDENCE)), np.empty(0), np.empty(0)),
     is_degenerate=np.ones(3, dtype=np.bool_),
     ties=[],
 )

@@ -36,8 +36,8 @@ class Prior(NamedTuple):
         narrower = math.prod(WIDE_SIGMA) / math.sqrt(determinant)
         return cls(known.pose, precision, (1.0 + _WRONG) / (_WRONG + 1.0 / math.sqrt(narrower)))
 
-    def log_odds(self, poses: Floats) -> Floats:
-        """Return (k,) how much likelier each of (k, 3) poses is by the prior than standing still by the wide one."""
+    def log_odds(self, poses: Floats) -> tuple[Floats, Floats]:
+        """Return (k,) log odds of (k, 3) poses beside the best of the wide prior: by this one, and if it is wrong."""
         return log_odds(poses, *self)
 
     def nearest_along(self, pose: Pose, direction: Pose, reach: float) -> Pose:
@@ -56,7 +56,7 @@ class Prior(NamedTuple):
 
     def tells(self, pose: Pose) -> bool:
         """Return whether the prior itself says that the scan is at a pose."""
-        return is_told(float(self.log_odds(pose[np.newaxis])[0]))
+        return is_told(float(self.log_odds(pose[np.newaxis])[0][0]))
 
 
 def is_told(log_odds: float) -> bool:
@@ -83,9 +83,9 @@ def inverse(cov: Cov) -> tuple[Cov, float]:
 
 
 @kernel
-def log_odds(poses: Floats, expected: Pose, precision: Cov, gain: float) -> Floats:
-    """Return (k,) log odds of (k, 3) poses by a prior; see Prior."""
-    found = np.empty(poses.shape[0])
+def log_odds(poses: Floats, expected: Pose, precision: Cov, gain: float) -> tuple[Floats, Floats]:
+    """Return (k,) log odds of (k, 3) poses by a prior, and by the wide one about the same place; see Prior."""
+    found, found_wide = np.empty(poses.shape[0]), np.empty(poses.shape[0])
     off = np.empty(3)
     for k in range(poses.shape[0]):
         off[0], off[1] = poses[k, 0] - expected[0], poses[k, 1] - expected[1]
@@ -97,8 +97,9 @@ def log_odds(poses: Floats, expected: Pose, precision: Cov, gain: float) -> Floa
             for j in range(3):
                 chi2 += off[i] * precision[i, j] * off[j]
         right = (1.0 - _WRONG) * gain * math.exp(-0.5 * chi2)
-        found[k] = math.log(right + _WRONG * math.exp(-0.5 * min(wide, _MAX_CHI2)))
-    return found
+        found_wide[k] = -0.5 * min(wide, _MAX_CHI2)
+        found[k] = math.log(right + _WRONG * math.exp(found_wide[k]))
+    return found, found_wide
 
 
 WIDE = Prior.of(WIDE_PRIOR)

@@ -51,19 +51,20 @@ def poses(*evidences, priors=None):
         scores=np.full(n, 0.5),
         evidence=rows,
         priors=np.zeros(n) if priors is None else np.array(priors),
+        wide_priors=np.zeros(n) if priors is None else np.minimum(priors, 0.0),
     )
 
 
 def test_what_is_weighed_is_that_of_the_slow_twin():
     rng = np.random.default_rng(5)
     evidence = rng.gamma(0.5, 2.0, (40, N_EVIDENCE)) - 0.02  # some a little below 0, by rounding say
-    priors = rng.uniform(-5.0, 3.0, 40)
-    terms = terms_of(evidence, priors)
+    priors, wide = rng.uniform(-5.0, 3.0, 40), rng.uniform(-2.0, 0.0, 40)
+    terms = terms_of(evidence, priors, wide)
     for k in range(40):
-        expected = slow.confidence_terms(evidence[k], priors[k])
+        expected = slow.confidence_terms(evidence[k], priors[k], wide[k])
         assert list(expected) == list(COEFFICIENTS)
         np.testing.assert_allclose(terms[k], list(expected.values()), rtol=1e-12, atol=1e-12)
-    assert terms_of(evidence[:0], priors[:0]).shape == (0, len(COEFFICIENTS))
+    assert terms_of(evidence[:0], priors[:0], wide[:0]).shape == (0, len(COEFFICIENTS))
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from curvescan.matchers.curvescan.assessment.support import regular_rows as rows
 
 def regular_rows(poses, shares):
     n = len(poses)
-    return rows_of(WeighedPoses(poses, np.zeros(n), np.zeros((n, N_EVIDENCE)), np.zeros(n)), shares)
+    return rows_of(WeighedPoses(poses, np.zeros(n), np.zeros((n, N_EVIDENCE)), np.zeros(n), np.zeros(n)), shares)
 
 
 def test_two_poses_to_either_side_make_a_row_of_equal_things():

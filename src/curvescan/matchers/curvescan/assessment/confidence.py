@@ -103,11 +103,12 @@ class WeighedPoses:
     scores: Floats  # (k,): how well the scans agree there, at most 1
     evidence: Floats  # (k, N_EVIDENCE): what the surfaces say; columns of evidence.py
     priors: Floats  # (k,): log odds of each by what was known before
+    wide_priors: Floats  # (k,): the same if that was wrong
 
     def rows(self, order: list[int]) -> WeighedPoses:
         """Return some of the poses, in another order."""
         poses, scores, evidence = self.poses[order], self.scores[order], self.evidence[order]
-        return WeighedPoses(poses, scores, evidence, self.priors[order])
+        return WeighedPoses(poses, scores, evidence, self.priors[order], self.wide_priors[order])
 
     @cached_property
     def _rows(self) -> list[list[float]]:
@@ -118,7 +119,7 @@ class WeighedPoses:
     @cached_property
     def _terms(self) -> list[list[float]]:
         """What the model weighs of each pose, in the order of COEFFICIENTS, without an open direction."""
-        rows: list[list[float]] = terms_of(self.evidence, self.priors).tolist()
+        rows: list[list[float]] = terms_of(self.evidence, self.priors, self.wide_priors).tolist()
         return rows
 
     def terms(self, k: int, is_degenerate: bool = False) -> dict[str, float]:
@@ -194,7 +195,7 @@ class WeighedPoses:
         best = self._rows[0]
         contradicted = best[SEEN_THROUGH] + best[MISSED]
         is_wrong_somewhere = best[EXCESS] < _BARE_EXCESS and contradicted > _BARE_CONTRADICTED * best[AGREEING]
-        is_likely = is_wrong_somewhere or self.priors[0] < _BARE_PRIOR
+        is_likely = is_wrong_somewhere or self.wide_priors[0] < _BARE_PRIOR
         return self.is_bare and is_likely and not self.is_told(0)
 
     @property
@@ -257,7 +258,7 @@ def _weighted(weights: tuple[float, ...], terms: list[float]) -> float:
 
 
 @kernel
-def terms_of(evidence: Floats, priors: Floats) -> Floats:
+def terms_of(evidence: Floats, priors: Floats, wide_priors: Floats) -> Floats:
     """Return (k, n) what the model weighs of each pose, in the order of COEFFICIENTS, without an open direction."""
     terms = np.zeros((priors.size, _N_TERMS))
     for k in range(priors.size):
@@ -268,7 +269,7 @@ def terms_of(evidence: Floats, priors: Floats) -> Floats:
         few = max(1.0 - (max(evidence[k, EXCESS], 0.0) + _LEAST[0]) / _ENOUGH_EXCESS, 0.0)
         terms[k, _PRIOR] = priors[k]
         terms[k, _FEW] = few
-        terms[k, _FEW_PRIOR] = few * min(priors[k], 0.0)
+        terms[k, _FEW_PRIOR] = few * wide_priors[k]
         terms[k, _FEW_SEEN_THROUGH] = few * (terms[k, _SEEN_THROUGH] + 1.0)
     return terms
 
@@ -277,7 +278,7 @@ def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
     """Return poses with their evidence, the best first; of those that the scans do not distinguish the likeliest."""
     ref, cur, prior, config = problem
     evidence = gather_evidence(ref.surfaces, cur.surfaces, poses, config.scoring.margin)
-    weighed = WeighedPoses(poses, scores, evidence, prior.log_odds(poses))
+    weighed = WeighedPoses(poses, scores, evidence, *prior.log_odds(poses))
     if len(poses) < 2:
         return weighed
     weighed = weighed.rows(sorted(range(len(poses)), key=lambda k: -weighed.rank(k)))
