@@ -209,7 +209,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "matchers": (669, 5, 0),
     "matchers/baselines": (1679, 44, 35),
     "matchers/cfsma": (1112, 15, 17),
-    "matchers/curvescan": (4072, 132, 30),
+    "matchers/curvescan": (4069, 123, 29),
     "odometry": (2125, 28, 20),
     "paper": (1733, 84, 0),
     "plots": (764, 37, 0),

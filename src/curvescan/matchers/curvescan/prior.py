@@ -1,7 +1,8 @@
 """The prior: what is known of a pose before the scans are compared, as log odds beside the prior of knowing nothing.
 
-The density of a pose under the prior, over that of the wide prior at its best: 0 for standing still where nothing is
-known. One prior in ten is wrong, as wheels slip and robots are carried; the pose is then within the wide prior.
+One prior in twenty is wrong, as wheels slip and robots are carried. Then the scans may have nothing in common or lie
+anywhere within the wide prior about the same place. So a narrow prior gains where it is right, and costs nothing
+elsewhere.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ from curvescan._jit import kernel
 from curvescan.matchers.result import WIDE_PRIOR, WIDE_SIGMA
 from curvescan.types import Cov, Floats, Pose, UncertainPose
 
-_WRONG = 0.1  # share of priors that are wrong
+_WRONG = 0.05  # share of priors that are wrong
 _WIDE_PRECISION = tuple(sigma**-2 for sigma in WIDE_SIGMA)
 _MATCHED = (0.05, 0.05, 0.025)  # standard deviations of a matched pose: metres, metres, radians
-_MAX_CHI2 = 4.0  # of the wide prior: farther off is as unlikely as that
-_TOLD = 1.0  # log odds from which on the prior itself says where the pose is
+_MAX_CHI2 = 9.0  # of the wide prior: farther off is as unlikely as three standard deviations
+TOLD = 2.0  # log odds from which on the prior itself says where the pose is
 
 
 class Prior(NamedTuple):
@@ -27,14 +28,14 @@ class Prior(NamedTuple):
 
     pose: Pose
     precision: Cov  # (3, 3) inverse covariance of what a matched pose differs from `pose` by
-    gain: float  # density at its best, over that of the wide prior, as far as a prior is to be believed
+    gain: float  # odds that it is right and not wrong, at its best; 0 for the wide prior
 
     @classmethod
     def of(cls, known: UncertainPose) -> Prior:
         """Return a prior ready to be asked."""
         precision, determinant = inverse(known.cov)
         narrower = math.prod(WIDE_SIGMA) / math.sqrt(determinant)
-        return cls(known.pose, precision, (1.0 + _WRONG) / (_WRONG + 1.0 / math.sqrt(narrower)))
+        return cls(known.pose, precision, 1.0 / (_WRONG + 1.0 / (narrower - 1.0)) if narrower > 1.0 else 0.0)
 
     def log_odds(self, poses: Floats) -> tuple[Floats, Floats]:
         """Return (k,) log odds of (k, 3) poses beside the best of the wide prior: by this one, and if it is wrong."""
@@ -56,12 +57,7 @@ class Prior(NamedTuple):
 
     def tells(self, pose: Pose) -> bool:
         """Return whether the prior itself says that the scan is at a pose."""
-        return is_told(float(self.log_odds(pose[np.newaxis])[0][0]))
-
-
-def is_told(log_odds: float) -> bool:
-    """Return whether a prior of these log odds says where a pose is."""
-    return log_odds > _TOLD
+        return bool(self.log_odds(pose[np.newaxis])[0][0] > TOLD)
 
 
 @kernel
@@ -96,9 +92,8 @@ def log_odds(poses: Floats, expected: Pose, precision: Cov, gain: float) -> tupl
             wide += _WIDE_PRECISION[i] * off[i] * off[i]
             for j in range(3):
                 chi2 += off[i] * precision[i, j] * off[j]
-        right = (1.0 - _WRONG) * gain * math.exp(-0.5 * chi2)
         found_wide[k] = -0.5 * min(wide, _MAX_CHI2)
-        found[k] = math.log(right + _WRONG * math.exp(found_wide[k]))
+        found[k] = math.log(gain * math.exp(-0.5 * chi2) + math.exp(found_wide[k]))
     return found, found_wide
 
 

@@ -31,7 +31,7 @@ from curvescan.matchers.curvescan.assessment.evidence import (
 )
 from curvescan.matchers.curvescan.config import SAME
 from curvescan.matchers.curvescan.pose_difference import difference
-from curvescan.matchers.curvescan.prior import is_told
+from curvescan.matchers.curvescan.prior import TOLD
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.types import Floats
 
@@ -71,7 +71,7 @@ RIVAL_COEFFICIENTS = {
 }
 """Log odds that another pose is right and not the best, by its terms less those of the best, and its repetition."""
 
-_PRIOR_OF_TWO = 0.2  # share of what the prior weighs where two poses of the same scans are compared
+_PRIOR_OF_TWO = 0.3  # share of what the prior weighs where two poses of the same scans are compared
 _ENOUGH_EXCESS = 2.0  # metres of excess from which on a pose rests on more than two walls
 _FLOOR = 0.1  # metres, and mean square: what is added before a logarithm is taken
 # Rows of a pose's terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice.
@@ -151,7 +151,7 @@ class WeighedPoses:
 
     def is_told(self, k: int) -> bool:
         """Return whether the prior itself says that the scan is at pose k."""
-        return is_told(self.priors[k])
+        return bool(self.priors[k] > TOLD)
 
     def rival_terms(self, k: int) -> dict[str, float]:
         """Return what the model weighs of pose k against the first."""
