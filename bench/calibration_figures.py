@@ -21,7 +21,8 @@ from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.matchers.cfsma.curvature import curvature_functions
 from curvescan.matchers.cfsma.landmarks import characteristic_points
 from curvescan.paper.random_transform import RandomTransformCondition, RandomTransformRuns, run_random_transforms
-from curvescan.plots.map import DARK, GREY, LIGHT, PATH, TRUTH, drawing
+from curvescan.plots.colours import DARK, GREY, LIGHT, PATH, TRUTH
+from curvescan.plots.map import drawing
 from curvescan.runs.document import ResultTable
 from curvescan.types import Points
 

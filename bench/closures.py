@@ -17,12 +17,14 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers import MatchResult
-from curvescan.plots.map import drawing, segment_colour
+from curvescan.plots.colours import segment_colour
+from curvescan.plots.map import drawing
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.simulation.recording import simulate
 from curvescan.simulation.sensing.sensors import SENSORS, Sensor
 from curvescan.slam import Slam
+from curvescan.slam.loop_search import N_LINKED
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Bools, Floats, Pose
 from lookalikes import Deceit, deceive
@@ -56,15 +58,14 @@ class _Liar:
     """Matches keyframes, and for a share of those that do not follow each other answers another pair's pose, sure of it."""
 
     def __init__(self, slam: Slam, share: float, seed: int) -> None:
-        self._honest = slam.backend.keyframes.match
-        self._n_linked = slam.config.keyframes.n_linked
+        self._honest = slam.keyframes.match
         self._share, self._rng = share, np.random.default_rng([seed, 77])
         self._seen: list[MatchResult] = []
         self.n_forced = 0
 
     def __call__(self, i: int, j: int, prior: UncertainPose | None) -> MatchResult:
         result = self._honest(i, j, prior)
-        if j - i <= self._n_linked:
+        if j - i <= N_LINKED:
             return result
         is_lie = self._rng.random() < self._share and len(self._seen) > 0
         lie = self._seen[int(self._rng.integers(len(self._seen)))] if is_lie else None
@@ -136,12 +137,12 @@ def judge_floor(kind: str, seed: int, forced: float = 0.0) -> FloorResult:
     slam = Slam()
     liar = _Liar(slam, forced, seed)
     if forced > 0.0:
-        slam.backend.keyframes.match = liar  # type: ignore[method-assign]
+        slam.keyframes.match = liar  # type: ignore[method-assign]
     odom = np.array([slam.add(scan).pose_odom for scan in scans])
     trajectory = slam.finish()
     true = se2.between(truth[0], truth)
     found = slam.map
-    n_closures, n_neighbours = slam.backend.count_matches()
+    n_closures, n_neighbours = slam.count_matches()
     is_closure = (found.kinds == EdgeKind.CLOSURE) & (found.weights > 0.5)
     ends = found.ends[is_closure]
     scans_of = found.indices[ends]

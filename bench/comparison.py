@@ -156,7 +156,7 @@ def published(methods: tuple[str, ...], logs: list[str]) -> Iterator[list[str]]:
         cells = []
         for log in logs:
             (error,) = [one for one in BENCHMARKS[log].errors if one.method.startswith(method)]
-            degrees = "" if error.rotation is None else f" ({_published(error.rotation[0], 1)})"
+            degrees = "" if not error.rotation else f" ({_published(error.rotation[0], 1)})"
             cells.append(f"{_published(error.translation[0], 3)}{degrees}")
         source = "Hess et al. 2016, tuned" if method == "Cartographer" else "Kümmerle et al. 2009"
         yield [f"{method}, {source}", SENSORS[True], *cells]

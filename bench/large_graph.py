@@ -48,10 +48,10 @@ def main() -> None:
     start = truth + 0.05 * np.random.default_rng(1).standard_normal(truth.shape)
     found = optimize(start, edges, weights, anchors)
     seconds = time.process_time() - started
-    off = np.hypot(*(found.poses - truth)[:, :2].T)
+    off = np.hypot(*(found - truth)[:, :2].T)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
     sys.stdout.write(
-        f"{n_poses:,} poses, {len(edges.ends):,} edges: {seconds:.1f} s of processor, {found.n_iterations} iterations; error {off.mean():.3f} m on the mean; "
+        f"{n_poses:,} poses, {len(edges.ends):,} edges: {seconds:.1f} s of processor; error {off.mean():.3f} m on the mean; "
         f"process {memory:.0f} MB\n"
     )
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from curvescan.plots.map import DARK, FAILED, LIGHT, drawing
+from curvescan.plots.colours import DARK, FAILED, LIGHT
+from curvescan.plots.map import drawing
 from curvescan.types import Bools, Floats
 from localization_runs import Checked
 from localization_tasks import PARTS, LocalizationTask

@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from curvescan import se2
-from curvescan.plots.map import drawing, segment_colour
+from curvescan.plots.colours import segment_colour
+from curvescan.plots.map import drawing
 from curvescan.scan import LaserScan
 from curvescan.simulation.recording import simulate
 from curvescan.slam import Slam
@@ -57,9 +58,9 @@ def hours(n_hours: int, n_scans: int = 250, seed: int = 0) -> Iterator[HourResul
         began += 3600.0
         off = found - se2.between(origin, truth)
         yield HourResult(
-            n_keyframes=len(slam.backend.keyframes),
-            n_edges=slam.backend.graph.n_edges,
-            n_gone=len(slam.backend.heirs),
+            n_keyframes=len(slam.keyframes),
+            n_edges=slam.graph.n_edges,
+            n_gone=slam.n_gone,
             megabytes=resident_megabytes(),
             milliseconds=_milliseconds(seconds),
             error=float(np.hypot(off[:, 0], off[:, 1]).mean()),

@@ -32,12 +32,12 @@ def main(sizes: Sequence[int]) -> None:
     rows = ["| keyframes | more | ms each | ms a scan, the rest | worst scan |", "| ---: | ---: | ---: | ---: | ---: |"]
     for n in sizes:
         slam = cs.Slam(map=_beside(copied, own, max(1, round((n - len(own)) / len(copied)))))
-        counts, took = [len(slam.backend.keyframes)], []
+        counts, took = [len(slam.keyframes)], []
         for scan in drive:
             started = time.process_time()
             slam.add(scan)
             took.append(1e3 * (time.process_time() - started))
-            counts.append(len(slam.backend.keyframes))
+            counts.append(len(slam.keyframes))
         times, is_more = np.array(took[_N_FIRST:]), np.diff(counts)[_N_FIRST:] != 0
         each, rest = times.sum() / np.count_nonzero(is_more), times[~is_more].mean()
         rows.append(f"| {counts[0]:,} | {np.count_nonzero(is_more)} | {each:.1f} | {rest:.2f} | {times.max():.0f} |")

@@ -10,7 +10,8 @@ import numpy as np
 from curvescan import se2
 from curvescan.matchers import match
 from curvescan.paper.random_transform import SUCCESS
-from curvescan.plots.map import drawing, segment_colour
+from curvescan.plots.colours import segment_colour
+from curvescan.plots.map import drawing
 from curvescan.simulation import simulate_pairs
 from curvescan.types import Floats
 

@@ -1,6 +1,6 @@
-"""What the matchers and the odometry answer today, to every digit: `python -m tests.golden` writes golden.json anew.
+"""What the matchers, the odometry and SLAM answer today, to every digit: `python -m tests.golden` writes the file anew.
 
-A change that moves no result leaves the file alone; one that does is made on purpose, with this file in its commit.
+A change that moves no result leaves golden.json alone; one that does is made on purpose, with it in its commit.
 `python -m tests.golden --digest` prints one hash of all bits, for two trees on one machine.
 """
 
@@ -67,6 +67,25 @@ def answers() -> Iterator[dict[str, Any]]:
                 "pose": np.array([step.pose for step in steps]).ravel().tolist(),
                 "covariance": np.array([step.covariance for step in steps]).ravel().tolist(),
             }
+    yield _of_slam()
+
+
+def _of_slam() -> dict[str, Any]:
+    """Return what SLAM makes of two laps round a room, the second the other way."""
+    angle = np.concatenate((np.linspace(0.0, 2.2 * np.pi, 90), np.linspace(2.2 * np.pi, 0.5, 70)[1:]))
+    heading = angle + np.where(np.arange(len(angle)) < 90, 0.5, -0.5) * np.pi
+    laps = np.column_stack((np.cos(angle), np.sin(angle), heading))
+    slam = cs.Slam()
+    for scan in cs.simulate("room", poses=laps, odometry_noise=None, seed=4):
+        slam.add(scan)
+    slam.finish()
+    graph = slam.map
+    return {
+        "name": "slam",
+        "outcome": " ".join(f"{c.i}-{c.j} {c.outcome.name}" for c in slam.closures),
+        "pose": np.concatenate((graph.poses.ravel(), graph.measured.ravel())).tolist(),
+        "covariance": graph.covariances.ravel().tolist(),
+    }
 
 
 def _of_match(name: str, result: cs.MatchResult) -> dict[str, Any]:

@@ -157,6 +157,48 @@ NAMED = (
         "last = motion if is_plausible else identity()",
         "last = motion if is_plausible else self.last",
     ),
+    _named(
+        "closures are accepted alone where the graph is vague",
+        "slam/loops/closures.py",
+        "if expectation + log_odds(tried) > config.closures.log_odds and distance < GATE:",
+        "if distance < GATE:",
+        "slam/test_closures.py",
+    ),
+    _named(
+        "doubtful views from afar count",
+        "slam/loops/closures.py",
+        "if (is_afar and result.confidence < SURE) or not",
+        "if not",
+        "slam/test_closures.py",
+    ),
+    _named(
+        "what a match of keyframes leaves open is measured",
+        "slam/loops/closures.py",
+        "cov = cov + (_OPEN if is_way else math.pi) ** 2 * np.outer(direction, direction)",
+        "pass",
+        "slam/test_closures.py",
+    ),
+    _named(
+        "views of one place are independent witnesses",
+        "slam/loops/agreement.py",
+        "share = min(new / _VIEW_M, 1.0)",
+        "share = 1.0",
+        "slam/test_agreement.py",
+    ),
+    _named(
+        "a step that slipped loses its weight for good",
+        "slam/pose_graph/robust.py",
+        "new = np.maximum(tls_weights(distances, limit, convexity), least)",
+        "new = tls_weights(distances, limit, convexity)",
+        "slam/test_robust.py",
+    ),
+    _named(
+        "closures of a keyframe that goes stay where they were",
+        "slam/thinning.py",
+        "moved = compose(from_heir, edge)",
+        "moved = edge",
+        "slam/test_thinning.py",
+    ),
 )
 """Some that once lived in the tests of their own file, and others that did."""
 

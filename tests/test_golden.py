@@ -1,4 +1,4 @@
-"""Results do not move by accident: what the matchers and the odometry answer is held by a file."""
+"""Results do not move by accident: what the matchers, the odometry and SLAM answer is held by a file."""
 
 from __future__ import annotations
 

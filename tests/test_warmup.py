@@ -34,7 +34,7 @@ DRIVE = """
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.run_maps import build_maps
 from curvescan.odometry import run_odometry
-from curvescan.slam.thinning import crowded_places
+from curvescan.slam.thinning import newer_beside
 
 sensor = replace(SENSORS["spinning-360"], time_increment=0.1 / 360)
 # a loop, a leap to where it has not been, and back: failures and recovery
@@ -43,7 +43,7 @@ rows = [*range(60), *range(190, 220), *range(30, 90)]
 scans, wheels = [sim[i] for i in rows], sim.odometry.poses[rows]
 cs.warm_up()
 before = variants()
-assert len(crowded_places.signatures) == 1  # of long drives alone
+assert len(newer_beside.signatures) == 1  # of long drives alone
 run_odometry(scans, cs.Odometry(), odometry_poses=wheels)
 run = run_odometry(scans, cs.Odometry())
 assert {"PREDICTED", "LOST", "MATCHED"} <= {o.name for o in run.outcomes}

@@ -1,8 +1,4 @@
-"""The wait for kernels to compile, reported.
-
-Compiling takes seconds, once a version. A wait longer than a second is reported, with its duration; the logger
-"curvescan" says so as a warning, which Python prints on stderr where no logging is set up.
-"""
+"""The wait for kernels to compile, reported: the logger "curvescan" warns of a wait longer than a second."""
 
 import atexit
 import contextlib

@@ -1,8 +1,6 @@
 """Ctrl-C and SIGTERM: held back where work must not be cut in two, and otherwise the end of a command, at once.
 
-An exception that a signal raises can appear between any two instructions, in the middle of a clean-up too. So loops
-ask whether to stop (:func:`stoppable`), what must be done whole holds signals back (:func:`held_back`), and the
-command line ends the process without an exception (:func:`end_at_once`).
+An exception that a signal raises can appear between any two instructions, in the middle of a clean-up too.
 """
 
 import os

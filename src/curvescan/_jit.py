@@ -1,8 +1,7 @@
 """The one place that names Numba's flags.
 
-``error_model="numpy"`` keeps NaN and division semantics; ``fastmath`` stays off because under it
-``isnan`` is always False and a missing reading would pass for a measurement. Machine code is kept on disk so that only
-the first run compiles; see :mod:`curvescan._kernel_cache`.
+``error_model="numpy"`` keeps NaN and division semantics; ``fastmath`` stays off because under it ``isnan`` is always
+False and a missing reading would pass for a measurement.
 """
 
 import functools
@@ -49,16 +48,13 @@ def n_compiled() -> int:
 
 
 def _compiled(function: Callable[_P, _R], **flags: str) -> Callable[_P, _R]:
-    compiled = function if _numba_config.DISABLE_JIT else _dispatcher(function, **flags)
+    compiled: Any = function
+    if not _numba_config.DISABLE_JIT:
+        compiled = _njit(**flags)(function)
+        compiled._cache = KernelCache(function)
     _kernels.append(compiled)
     typed: Callable[_P, _R] = compiled
     return typed
-
-
-def _dispatcher(function: Callable[..., Any], **flags: str) -> Any:
-    dispatcher = _njit(**flags)(function)
-    dispatcher._cache = KernelCache(function)
-    return dispatcher
 
 
 class _Listener(event.Listener):

@@ -1,16 +1,10 @@
 """Where the machine code of this package's kernels is kept, and that it is never that of another version.
 
-Numba judges stored machine code by the file of the kernel alone, but it holds the code of the kernels
-called and the constants read as well (numba#1833): after an upgrade it would run old code. So this
-package's machine code is kept in a folder named after a digest of the package's sources: in
-NUMBA_CACHE_DIR, else beside the package in its __pycache__, else in the user's cache folder. Folders of
-other digests are removed once they have not been used for a day. Removing one that is in use does no
-harm: what is missing is compiled again.
-
-Nothing in such a folder says where the package is installed, so that it can be made on one machine and read on
-another: it is read in NUMBA_CACHE_DIR, also where that cannot be written, and in the package, as `_kernels`. Code for
-this processor is taken first, then code for any processor of its kind (NUMBA_CPU_NAME=generic), which has the same
-results.
+Numba judges stored machine code by the file of the kernel alone, but it holds the code of the kernels called and the
+constants read as well (numba#1833). So ours is kept in a folder named after a digest of the sources: in
+NUMBA_CACHE_DIR, else beside the package in its __pycache__, else in the user's cache folder. Nothing in the folder says
+where the package is installed: it is also read in NUMBA_CACHE_DIR where that cannot be written, and in the package, as
+`_kernels`. Code for this processor is taken first, then code for any of its kind, which has the same results.
 """
 
 import contextlib

@@ -1,8 +1,4 @@
-"""Configurations from what a user gives: an instance, a mapping of some of its fields, or nothing.
-
-One function for every call that takes a ``config=``, and for the tables of a TOML file: an unknown key is an error
-with the nearest name, a value of the wrong type or out of range one with the rule.
-"""
+"""Configurations from what a user gives: an instance, a mapping of some of its fields, or nothing."""
 
 import dataclasses
 import difflib

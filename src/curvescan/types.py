@@ -1,8 +1,4 @@
-"""Type names of the arrays and pose-graph edges that several folders use.
-
-The aliases carry meaning for the reader; shapes stand in the docstrings and are checked once, where
-data enters the library.
-"""
+"""Type names of the arrays and pose-graph edges that several folders use; docstrings give the shapes."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias

@@ -1,8 +1,4 @@
-"""Warm-up: a simulated drive through two rooms compiles every kernel of a real one.
-
-Machine code is kept on disk, so that this takes seconds in the first run of a version and a second in the others. It
-can be made for another machine: for an image, or for a package that brings it.
-"""
+"""Warm-up: a simulated drive through two rooms compiles every kernel of a real one, here or for another machine."""
 
 import gc
 import os
@@ -83,7 +79,8 @@ def warm_up(
         _compile_into(Path(cache).absolute(), f"compile_all({method!r}, {slam})", processor)
         return time.perf_counter() - started
     with watch.held():
-        laps = _laps()
+        angle = 2.0 * np.pi * np.arange(2 * _N_LAP) / _N_LAP  # two laps on a circle
+        laps = np.column_stack((_RADIUS_M * np.cos(angle), _RADIUS_M * np.sin(angle), angle + 0.5 * np.pi))
         _drive(method, laps)
         if slam:
             _map_and_localize(method, laps)
@@ -120,12 +117,6 @@ def _compile_into(folder: Path, call: str, processor: str) -> None:
         raise OutputError(f"{folder}: the process that compiles ended with status {status}, for the reason above")
 
 
-def _laps() -> Pose:
-    """Return (n, 3) poses of two laps on a circle."""
-    angle = 2.0 * np.pi * np.arange(2 * _N_LAP) / _N_LAP
-    return np.column_stack((_RADIUS_M * np.cos(angle), _RADIUS_M * np.sin(angle), angle + 0.5 * np.pi))
-
-
 def _drive(method: str, laps: Pose) -> None:
     """Match, with a guess and without, and follow the sensor there and back with a scan of the hall on the way."""
     room, hall = _scan(laps[0], _ROOM), _scan(laps[0], _HALL, person=9)
@@ -149,7 +140,7 @@ def _map_and_localize(method: str, laps: Pose) -> None:
     # SciPy's sparse matrices take their time to load
     from curvescan.slam import Localizer, Slam
     from curvescan.slam.config import ClosuresConfig, KeyframesConfig, PlacesConfig, SlamConfig
-    from curvescan.slam.thinning import crowded_places
+    from curvescan.slam.thinning import newer_beside
 
     # keyframes that stand near, go soon, and close loops only where several agree
     often = SlamConfig(
@@ -163,7 +154,7 @@ def _map_and_localize(method: str, laps: Pose) -> None:
         slam.add(scan)
     slam.finish()
     # of long drives alone
-    crowded_places(laps, np.zeros(len(laps), dtype=np.int64), len(laps), _RADIUS_M, _RADIUS_M, 1)
+    newer_beside(0, laps, np.zeros(len(laps), dtype=np.int64), np.ones(len(laps), dtype=np.bool_), _RADIUS_M)
     localizer = Localizer(slam.map)
     for scan in scans[:4]:
         localizer.add(scan)

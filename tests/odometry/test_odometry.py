@@ -296,18 +296,15 @@ def test_carried_to_an_unseen_place_it_is_lost_and_starts_anew():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "n_lost"), [("seattle", 0), ("belgioioso", 1)])
-def test_key_scans_as_a_log_are_hardly_lost(real_data, name, n_lost):
-    """A metre apart there is no motion to expect; what the scans say must do.
-
-    Scan 90 of Belgioioso matches neither its neighbours nor the keyframe: without loop closures the link is lost.
-    """
+@pytest.mark.parametrize(("name", "most"), [("seattle", 0.5), ("belgioioso", 3.5)])
+def test_key_scans_as_a_log_are_not_lost(real_data, name, most):
+    """A metre apart there is no motion to expect; what the scans say must do."""
     log = cs.read_log(real_data / f"keyframed-corrected/{name}-corrected.log.gz")
     run = run_odometry(log)
-    assert run.outcomes.count(StepOutcome.LOST) == n_lost
+    assert StepOutcome.LOST not in run.outcomes
     corrected = log.odometry.poses
     end = cs.se2.between(corrected[0], corrected[-1])
-    assert n_lost or np.hypot(*cs.se2.between(end, run.trajectory.poses[-1])[:2]) < 0.5  # of 200 m
+    assert np.hypot(*cs.se2.between(end, run.trajectory.poses[-1])[:2]) < most  # of 200 m
 
 
 def test_a_gap_is_bridged_by_the_first_scan_that_matches_the_one_before_it():

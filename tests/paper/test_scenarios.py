@@ -38,7 +38,7 @@ def test_every_method_has_the_covariance_of_eq_16():
 
 def test_what_a_matcher_leaves_unmatched_is_counted():
     log = simulate("room", sensor="sick-lms200-5mm", n_scans=8, n_people=3, seed=2)
-    [result] = run_scenario(log, ["cfsma"]).values()
+    result = run_scenario(log, "cfsma")
     steps = result.run.is_matched[1:]
     valid = np.array([scan.valid for scan in log])[1:][steps]
     people = log.is_person[1:][steps]
@@ -53,7 +53,7 @@ def test_what_a_matcher_leaves_unmatched_is_counted():
 def test_a_pose_that_was_refused_is_taken_where_refusals_are_left_out():
     # a round room: nothing fixes the heading, the pose the iteration had is still near
     log = simulate("round-room", n_scans=6, seed=1)
-    [result] = run_scenario(log, ["plicp"]).values()
+    result = run_scenario(log, "plicp")
     assert result.n_failed == 5
     assert result.errors.end_translation > 0.0
     assert result.end_unrefused < 0.1
@@ -62,7 +62,7 @@ def test_a_pose_that_was_refused_is_taken_where_refusals_are_left_out():
 @pytest.mark.parametrize("method", ["cfsma", "histogram"])
 def test_without_failures_refusals_change_nothing(method):
     log = simulate("office", sensor="sick-lms200-5mm", n_scans=5, seed=3)
-    [result] = run_scenario(log, [method]).values()
+    result = run_scenario(log, method)
     if result.n_failed == 0:
         assert result.end_unrefused == pytest.approx(result.errors.end_translation, abs=1e-9)
     else:

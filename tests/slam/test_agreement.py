@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
+import pytest
 
 from curvescan import se2
 from curvescan.slam import SlamConfig
-from curvescan.slam.loops.agreement import best_group
+from curvescan.slam.loops.agreement import MOST_LOG_ODDS, best_group, largest_clique
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
 from curvescan.slam.loops.cycles import Chain
 from curvescan.types import Pose
@@ -35,7 +37,7 @@ def _closure(i: int, j: int, off: Pose | float = 0.0, expectation: float = 3.0, 
 
 def _lead(pool: list[Closure], chain: Chain = CHAIN) -> tuple[int, float, float]:
     """Return how many agree with the last of a pool, their log odds, and those of what contradicts them."""
-    group, against = best_group(pool, chain, CONFIG, CONFIG.closures.certain_m)
+    group, against = best_group(pool, chain, CONFIG)
     return len(group.members), group.log_odds, against
 
 
@@ -51,7 +53,7 @@ def test_views_a_step_apart_say_little_more_than_one() -> None:
 def test_a_stretch_that_looks_alike_is_no_surer_the_longer_it_is() -> None:
     n, odds, _ = _lead([_closure(k, 20 + k, ROOM) for k in range(0, 20, 2)])
     assert n == 10
-    np.testing.assert_allclose(odds, CONFIG.closures.most_log_odds + 3.0)
+    np.testing.assert_allclose(odds, MOST_LOG_ODDS + 3.0)
 
 
 def test_what_contradicts_a_set_has_its_own_odds() -> None:
@@ -78,3 +80,22 @@ def test_closures_agree_across_a_step_that_is_known_to_decimetres() -> None:
     assert _lead(pool, _slipped(31, 0.1))[0] == 3
     # one known to half a metre would lead to the next room as well
     assert _lead(pool, _slipped(31, 0.5))[0] == 1
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_clique_is_as_large_as_the_one_found_by_trying_all(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    links = rng.random((9, 9)) < 0.5
+    links = links | links.T
+
+    def is_clique(rows: tuple[int, ...]) -> bool:
+        return all(links[a, b] for a, b in itertools.combinations(rows, 2))
+
+    sizes = [size for size in range(10) if any(map(is_clique, itertools.combinations(range(9), size)))]
+    found = largest_clique(links)
+    assert is_clique(tuple(found))
+    assert len(found) == max(sizes)
+
+
+def test_of_no_rows_the_clique_is_empty() -> None:
+    assert len(largest_clique(np.zeros((0, 0), dtype=np.bool_))) == 0

@@ -12,7 +12,7 @@ from curvescan.matchers import MatchResult
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamConfig
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.loops.candidates import choose_candidates
+from curvescan.slam.loop_search import choose_candidates
 from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of
 
 

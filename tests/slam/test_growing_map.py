@@ -25,7 +25,7 @@ def test_a_motion_of_which_nothing_is_known_leaves_the_matrix_its_digits(scans: 
     growing.start(scans[0], 0, np.zeros(3), 0)
     lost = UncertainPose(np.zeros(3), np.diag([1e6, 1e6, 10.0]))
     growing.append(scans[2], 2, lost)
-    assert np.linalg.eigvalsh(growing.graph.covariances[0]).max() < 1e4
+    assert np.linalg.eigvalsh(growing.graph.edge_covariances[0]).max() < 1e4
 
 
 def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() -> None:
@@ -40,7 +40,7 @@ def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() 
     graph = growing.graph
     assert (graph.kinds == EdgeKind.MOTION).all()
     np.testing.assert_allclose(graph.measured, [[0.45, 0.0, 0.0]] * 3, atol=0.03)
-    sigma = np.sqrt(np.diagonal(graph.covariances, axis1=1, axis2=2))
+    sigma = np.sqrt(np.diagonal(graph.edge_covariances, axis1=1, axis2=2))
     assert sigma[:, 1].max() < 0.03
     assert sigma[:, 2].max() < 0.01
     # what the odometry may slip grows with the way
@@ -77,7 +77,7 @@ def test_the_chain_of_a_map_that_is_continued_is_that_of_its_edges(scans: list[c
     k = continued.start(scans[0], 9, np.zeros(3), 1)
     graph, chain = made.graph, continued.chain()
     steps = np.zeros((k, 3, 3))
-    steps[graph.ends[:, 1]] = graph.covariances  # the last edge to a keyframe counts
+    steps[graph.ends[:, 1]] = graph.edge_covariances  # the last edge to a keyframe counts
     np.testing.assert_allclose(chain.poses[:k], graph.poses, atol=1e-12)
     np.testing.assert_allclose(chain.gathered[:k], gathered_covariances(graph.poses, steps))
     # nothing says how the new session lies to it

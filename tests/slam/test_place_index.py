@@ -31,7 +31,7 @@ def test_a_scan_without_keypoints_is_like_none() -> None:
 def test_the_most_similar_is_the_one_that_shares_most_keypoints() -> None:
     index = PlaceIndex()
     for seed in range(50):
-        index.add(signature(_keypoints(seed)))
+        index.append(signature(_keypoints(seed)))
     partly = np.concatenate((_keypoints(17)[:9], _keypoints(1000)[:3]))
     assert index.most_similar(signature(partly), 5)[0] == 17
     slow = [float(signature(_keypoints(k)) @ signature(partly)) for k in range(50)]

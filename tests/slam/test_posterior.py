@@ -52,7 +52,7 @@ def test_residuals_tell_by_what_the_covariances_are_wrong(scale: float) -> None:
     # the noise is that of SIGMAS, the covariances are not
     edges = edges._replace(information=edges.information * scale)
     optimum = optimize(loop(N), edges, np.ones(len(ENDS)), np.array([0]))
-    found = variance_factor(squared_distances(optimum.poses, edges), N - 1)
+    found = variance_factor(squared_distances(optimum, edges), N - 1)
     # 3 (285 - 59) = 678 degrees of freedom: 5 % standard deviation; 30 of them count as no change
     assert found == pytest.approx((678.0 * scale + 30.0) / 708.0, rel=0.15)
 

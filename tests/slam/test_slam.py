@@ -45,8 +45,8 @@ def test_loops_close_and_the_trajectory_is_no_worse_than_the_odometry(
 
 
 def test_loop_closures_and_matches_of_neighbours_are_counted_apart(run: Run) -> None:
-    graph = run.engine.backend.graph
-    n_closures, n_neighbours = run.engine.backend.count_matches()
+    graph = run.engine.graph
+    n_closures, n_neighbours = run.engine.count_matches()
     assert n_closures > 20
     assert n_neighbours > 20
     assert n_closures + n_neighbours == np.count_nonzero(graph.is_closure & (graph.weights > 0.5))

@@ -6,8 +6,9 @@ import threading
 import time
 from collections.abc import Callable
 
-from curvescan.live.sinks import MapSink, SavedMap
+from curvescan.live.sinks import MapSink
 from curvescan.mapping.occupancy import OccupancyGrid
+from curvescan.slam import SlamMap
 
 
 class MapPublisher(MapSink):
@@ -31,7 +32,7 @@ class MapPublisher(MapSink):
         *,
         period: float,
         is_revisable: bool,
-        saved_map: SavedMap | None = None,
+        saved_map: SlamMap | None = None,
     ) -> None:
         self._publish, self._period = publish, period
         self._lock = threading.Lock()

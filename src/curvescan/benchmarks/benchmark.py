@@ -188,7 +188,7 @@ def _open_world_table(methods: Sequence[str], n_pairs: int, seed: int, progress:
         f"Where a direction is unobservable, {n_pairs:,} pairs each",
         scores,
         [
-            ("world", lambda one: one.world),
+            ("world", lambda one: one.scenario),
             ("method", lambda one: one.method),
             ("ok", lambda one: f"{100 * one.ok:.1f} %"),
             ("names the direction", lambda one: _figure(100 * one.flagged, ".1f", " %")),

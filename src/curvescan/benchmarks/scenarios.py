@@ -7,6 +7,7 @@ pose is the square of how its range changes with the pose, over the noise. There
 other scan, as noisy as the first, so that each beam that both scans can compare carries the noise twice.
 """
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -15,7 +16,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers import MatchResult, match
-from curvescan.paper.random_transform import SUCCESS
+from curvescan.paper.random_transform import is_success
 from curvescan.simulation import SENSORS, ScanPair, Sensor, World, simulate_pairs
 from curvescan.simulation.sensing.sensors import cast_beams
 from curvescan.types import Bools, Cov, Floats, Ints, Points, Pose
@@ -49,12 +50,15 @@ SCENARIOS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScenarioScore:
-    """How one method did in one scenario."""
+class Score:
+    """How one method did on pairs of one scenario, or in a world where a direction of the pose is unobservable."""
 
     # names
     method: str
     scenario: str
+    # share of the pairs with a pose, and of these the share that names its degenerate direction
+    ok: float
+    flagged: float
     success: float  # share of pairs matched within 0.1 m and 2 degrees
     false_positives: float  # share of pairs that are ``ok`` and not within
     # the same without those that name a degenerate direction, along which their covariance is wide
@@ -62,8 +66,11 @@ class ScenarioScore:
     # median translation error of the matches, and what the Cramér-Rao bound allows, metres
     median_error: float
     bound: float
-    nees: float  # mean normalised estimation error squared of right matches; 3 when the covariance is right
-    inside_95: float  # share of right matches inside the 95 % ellipsoid of their covariance
+    # normalised estimation error squared, mean and median, of right matches, where a direction is open of all: 3 when
+    # the covariance is right. A motion along an arc is linear to first order only: a few large ones decide the mean
+    nees: float
+    nees_median: float
+    inside_95: float  # share of these inside the 95 % ellipsoid of their covariance
 
 
 def score_scenario(
@@ -73,7 +80,7 @@ def score_scenario(
     n_pairs: int = 300,
     seed: int = 1,
     on_pair: Callable[[], None] | None = None,
-) -> list[ScenarioScore]:
+) -> list[Score]:
     """Return how each method does on the same pairs of one scenario, each pair in a fresh office, without a guess."""
     sensor = SENSORS[scenario.sensor]
     pairs = simulate_pairs(
@@ -90,35 +97,18 @@ def score_scenario(
     return [_score(method, scenario.name, tried[method], bound) for method in methods]
 
 
-@dataclass(frozen=True, kw_only=True)
-class OpenScore:
-    """Score of one method in a world where a direction of the pose is unobservable."""
-
-    # names
-    method: str
-    world: str
-    # share of the pairs with a pose, and of these the share that names its degenerate direction
-    ok: float
-    flagged: float
-    # as in :class:`ScenarioScore`, over all pairs with a pose; a motion along an arc is linear to first order only, so
-    # that a few large ones decide the mean
-    nees: float
-    nees_median: float
-    inside_95: float
-
-
 OPEN_WORLDS = ("bare-corridor", "round-room")
 """Simulated worlds that leave a motion open: along the corridor, around the room."""
 
 
 def score_open(
     world: str, methods: Sequence[str], *, n_pairs: int = 300, seed: int = 1, on_pair: Callable[[], None] | None = None
-) -> list[OpenScore]:
+) -> list[Score]:
     """Return how each method does on small motions (0.1 m, 5 degrees) in a world that leaves one open."""
     pairs = simulate_pairs(world, n_pairs=n_pairs, translation_max=0.1, rotation_max=np.radians(5.0), seed=seed)
     pairs = replace(pairs, sight_share=0.3)
     tried = _tried(pairs, methods, on_pair)
-    return [_score_open(method, world, tried[method]) for method in methods]
+    return [_score(method, world, tried[method]) for method in methods]
 
 
 def _tried(
@@ -133,21 +123,6 @@ def _tried(
         if on_pair:
             on_pair()
     return tried
-
-
-def _score_open(method: str, world: str, tries: "list[_Try]") -> OpenScore:
-    matched = [one for one in tries if one.result.ok]
-    nees = np.array([one.nees for one in matched])
-    flagged = [one.result.degenerate_direction is not None for one in matched]
-    return OpenScore(
-        method=method,
-        world=world,
-        ok=len(matched) / len(tries),
-        flagged=float(np.mean(flagged)) if matched else float("nan"),
-        nees=float(nees.mean()) if matched else float("nan"),
-        nees_median=float(np.median(nees)) if matched else float("nan"),
-        inside_95=float(np.mean(nees < _CHI2_95)) if matched else float("nan"),
-    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -167,26 +142,29 @@ class _Try:
 
     @property
     def is_right(self) -> bool:
-        x, y, theta = self.error
-        return bool(self.result.ok and np.hypot(x, y) < SUCCESS[0] and abs(theta) < SUCCESS[1])
+        return self.result.ok and bool(is_success(self.error))
 
 
-def _score(method: str, scenario: str, tries: list[_Try], bound: float) -> ScenarioScore:
-    right = [one for one in tries if one.is_right]
+def _score(method: str, scenario: str, tries: list[_Try], bound: float | None = None) -> Score:
+    """Return the score of a method; without a bound a direction is open, and all matches are judged."""
     matched = [one for one in tries if one.result.ok]
-    nees = np.array([one.nees for one in right])
-    distance = [np.hypot(*one.error[:2]) for one in matched]
-    return ScenarioScore(
+    right = [one for one in matched if one.is_right]
+    unflagged = [one for one in matched if one.result.degenerate_direction is None]
+    distances = np.array([np.hypot(*one.error[:2]) for one in matched])
+    nees = np.array([one.nees for one in (matched if bound is None else right)])
+    return Score(
         method=method,
         scenario=scenario,
+        ok=len(matched) / len(tries),
+        flagged=(len(matched) - len(unflagged)) / len(matched) if matched else math.nan,
         success=len(right) / len(tries),
         false_positives=(len(matched) - len(right)) / len(tries),
-        unflagged_false_positives=sum(one.result.degenerate_direction is None and not one.is_right for one in matched)
-        / len(tries),
-        median_error=float(np.median(distance)) if distance else float("nan"),
-        bound=bound,
-        nees=float(nees.mean()) if nees.size else float("nan"),
-        inside_95=float(np.mean(nees < _CHI2_95)) if nees.size else float("nan"),
+        unflagged_false_positives=sum(not one.is_right for one in unflagged) / len(tries),
+        median_error=float(np.median(distances)) if matched else math.nan,
+        bound=math.nan if bound is None else bound,
+        nees=float(nees.mean()) if nees.size else math.nan,
+        nees_median=float(np.median(nees)) if nees.size else math.nan,
+        inside_95=float(np.mean(nees < _CHI2_95)) if nees.size else math.nan,
     )
 
 
@@ -241,7 +219,7 @@ def median_error(bounds: list[Cov], *, seed: int = 0) -> float:
         for bound in bounds
         if np.isfinite(bound).all()
     ]
-    return float(np.median(errors)) if errors else float("nan")
+    return float(np.median(errors)) if errors else math.nan
 
 
 def _normals(world: World, pose: Pose, points: Points, hit_idx: Ints) -> Points:

@@ -23,6 +23,7 @@ from curvescan.cli.help import overview, short_help
 from curvescan.cli.options import config_tables
 from curvescan.configs import nearest
 from curvescan.errors import CurvescanError
+from curvescan.io.config import read_config
 from curvescan.io.files.lines import printable
 
 COMMANDS: dict[str, Callable[..., int]] = {
@@ -59,7 +60,14 @@ def run(arguments: list[str]) -> int:
             return BAD_COMMAND_LINE
         if HELP_ALL in arguments:
             arguments = ["--help" if argument == HELP_ALL else argument for argument in arguments]
-        return int(_parse_and_call(arguments))
+        return int(
+            tyro.extras.subcommand_cli_from_dict(
+                _commands(arguments),
+                prog="curvescan",
+                description="2D laser scan matching: scans in; motion, covariance, trajectory and map out.",
+                args=arguments,
+            )
+        )
     except CurvescanError as error:
         print(f"curvescan: {printable(with_flags(str(error)), MAX_SENTENCE)}", file=sys.stderr)
         return BAD_INPUT
@@ -85,15 +93,6 @@ def _help(arguments: list[str]) -> str | None:
     return overview(COMMANDS)
 
 
-def _parse_and_call(arguments: list[str]) -> Any:
-    return tyro.extras.subcommand_cli_from_dict(
-        _commands(arguments),
-        prog="curvescan",
-        description="2D laser scan matching: scans in; motion, covariance, trajectory and map out.",
-        args=arguments,
-    )
-
-
 def _commands(arguments: list[str]) -> dict[str, Callable[..., int]]:
     """Return the commands; where --config names a file, its parameters are the defaults of their flags."""
     path = None
@@ -104,8 +103,6 @@ def _commands(arguments: list[str]) -> dict[str, Callable[..., int]]:
             path = argument.removeprefix("--config=")
     if path is None:
         return COMMANDS
-    from curvescan.io.config import read_config
-
     read = {type(config): config for config in read_config(path, config_tables()).values()}
     return {name: _with_configs(command, read) for name, command in COMMANDS.items()}
 

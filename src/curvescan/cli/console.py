@@ -36,11 +36,8 @@ class _PrintableConsole(Console):
             if segment.control or text.isprintable() or text == "\n":
                 yield segment
             else:
-                yield Segment(_without_controls(text), segment.style)
-
-
-def _without_controls(text: str) -> str:
-    return "".join(ch if ch.isprintable() or ch in "\n\t" else "?" for ch in text)
+                plain = "".join(ch if ch.isprintable() or ch in "\n\t" else "?" for ch in text)
+                yield Segment(plain, segment.style)
 
 
 OUT = _PrintableConsole(
@@ -100,41 +97,28 @@ def progress_bar(what: str, total: int, unit: str = "scans") -> Iterator[Callabl
             progress.update(task, completed=n_done, refresh=True)
 
 
-@contextmanager
-def progress_bars() -> Iterator[Callable[[str, int], Callable[..., None]]]:
-    """Yield a function that begins a new bar, ending the one before: for a long run of several parts."""
-    with ExitStack() as bars:
-
-        def begin(what: str, total: int) -> Callable[..., None]:
-            bars.close()
-            return bars.enter_context(progress_bar(what, total, "steps"))
-
-        yield begin
-
-
-class _RunDisplay:
+class RunDisplay:
     """Shows a run: a progress bar for a stage of known length, a status line for others."""
 
-    def __init__(self, stages: ExitStack) -> None:
-        self._stages = stages
-        self._advance: Callable[..., None] = lambda: None
+    def __init__(self, stages: ExitStack, unit: str = "scans") -> None:
+        self._stages, self._unit = stages, unit
+        self.advance: Callable[..., None] = lambda: None
 
-    def begin(self, stage: str, n_steps: int) -> None:
+    def begin(self, stage: str, n_steps: int) -> Callable[..., None]:
+        """Begin a stage, ending the one before, and return what to call after each of its steps."""
         self._stages.close()
         if n_steps:
-            self._advance = self._stages.enter_context(progress_bar(stage, n_steps))
+            self.advance = self._stages.enter_context(progress_bar(stage, n_steps, self._unit))
         else:
             self._stages.enter_context(ERR.status(stage))
-
-    def advance(self) -> None:
-        self._advance()
+        return self.advance
 
 
 @contextmanager
-def run_display() -> Iterator[_RunDisplay]:
-    """Yield what shows the stages of :func:`curvescan.run`."""
+def run_display(unit: str = "scans") -> Iterator[RunDisplay]:
+    """Yield what shows the stages of :func:`curvescan.run`, or of another long run of several parts."""
     with ExitStack() as stages:
-        yield _RunDisplay(stages)
+        yield RunDisplay(stages, unit)
 
 
 def load_usable_methods() -> tuple[str, ...]:

@@ -94,45 +94,33 @@ def _arguments(command: Callable[..., int]) -> tuple[list[Flag], list[Flag], int
     hints = get_type_hints(command, include_extras=True)
     positional, flags, n_groups = [], [Flag("-h, --help-all", "This help; every flag with its full text.")], 0
     for name, parameter in inspect.signature(command).parameters.items():
-        kind, found = _unwrapped(hints[name])
-        text = texts.get(name) or found.help
-        if is_dataclass(kind):
-            found_flags, n_found = _fields(kind, found)
-            flags, n_groups = [*flags, *found_flags], n_groups + n_found
-        elif parameter.kind is inspect.Parameter.POSITIONAL_ONLY:
+        is_needed, text = parameter.default is inspect.Parameter.empty, texts.get(name, "")
+        if parameter.kind is inspect.Parameter.POSITIONAL_ONLY:
+            _, found = _unwrapped(hints[name])
             word = (found.metavar or name.upper()).strip("[]")
-            positional.append(Flag(word if parameter.default is inspect.Parameter.empty else f"[{word}]", text))
+            positional.append(Flag(word if is_needed else f"[{word}]", text or found.help))
         else:
-            is_needed = parameter.default is inspect.Parameter.empty
-            flags.append(_flag(name, kind, found, text + " Required." * is_needed))
+            more, n_more = _flags(name, hints[name], text, needed=" Required." * is_needed)
+            flags, n_groups = [*flags, *more], n_groups + n_more
     return positional, flags, n_groups
 
 
-def _fields(kind: Any, found: "_Extras") -> tuple[list[Flag], int]:
-    """Return the flags of a record of flags, and how many groups of parameters it leaves to --help-all."""
-    if not found.is_flat:
-        return [], 1
-    hints = get_type_hints(kind, include_extras=True)
-    docs = {p.arg_name: p.description or "" for p in parse_from_object(kind).params}
-    flags: list[Flag] = []
-    n_groups = 0
-    for field in fields(kind):
-        inner, extras = _unwrapped(hints[field.name])
-        if is_dataclass(inner):
-            found_flags, n_found = _fields(inner, extras)
-            flags, n_groups = [*flags, *found_flags], n_groups + n_found
-        else:
-            flags.append(_flag(field.name, inner, extras, docs.get(field.name) or extras.help, found.help))
-    return flags, n_groups
-
-
-def _flag(name: str, kind: Any, found: "_Extras", text: str, group: str = "") -> Flag:
-    name = f"--{name.replace('_', '-')}"
+def _flags(name: str, hint: Any, text: str, *, group: str = "", needed: str = "") -> tuple[list[Flag], int]:
+    """Return the flags of an argument or of a record of flags, and how many groups of parameters it leaves out."""
+    kind, found = _unwrapped(hint)
+    if is_dataclass(kind):
+        if not found.is_flat:
+            return [], 1
+        hints = get_type_hints(kind, include_extras=True)
+        docs = {p.arg_name: p.description or "" for p in parse_from_object(kind).params}
+        parts = [_flags(f.name, hints[f.name], docs.get(f.name, ""), group=found.help) for f in fields(kind)]
+        return [flag for flags, _ in parts for flag in flags], sum(n for _, n in parts)
+    name, text = f"--{name.replace('_', '-')}", (text or found.help) + needed
     flag = f"{name} {_values(kind, found.metavar)}".rstrip()
     has_choices = len(flag) > _MAX_FLAG - 4
     if has_choices:
         flag, text = f"{name} NAME", f"{re.split('[,.:;]', text)[0]}: {', '.join(map(str, get_args(kind)))}."
-    return Flag(flag, " ".join(text.split()), group, has_choices)
+    return [Flag(flag, " ".join(text.split()), group, has_choices)], 0
 
 
 class _Extras(NamedTuple):

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass, field, fields, replace
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
+import numpy as np
 import tyro
 
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import InvalidArgumentError, require
+from curvescan.io import SensorSetup
+from curvescan.io.reading import open_log
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.baselines.config import CoxConfig, HistogramConfig, IcpConfig, IdcConfig, PlIcpConfig
 from curvescan.matchers.cfsma.config import CfSmaConfig
@@ -148,10 +150,6 @@ LaserPose: TypeAlias = Annotated[tuple[float, float, float], tyro.conf.arg(metav
 
 def in_radians(laser_pose: tuple[float, float, float]) -> Floats:
     """Return a pose given in metres and degrees as the library has it."""
-    import numpy as np
-
-    from curvescan.errors import require
-
     require(all(map(math.isfinite, laser_pose)), "a laser pose must be finite", laser_pose)
     x, y, yaw_deg = laser_pose
     return np.array([x, y, math.radians(yaw_deg)])
@@ -194,25 +192,13 @@ class Reading:
 
     def setup(self) -> SensorSetup:
         """Return how the laser is set up, as the library has it."""
-        from curvescan.io import SensorSetup
-
-        pose = None
-        if self.laser_pose is not None:
-            x, y, theta = in_radians(self.laser_pose).tolist()
-            pose = (x, y, theta)
-        return SensorSetup(
-            ignore_beams=self.ignore_beams,
-            laser_pose=pose,
-            upside_down=self.upside_down if self.upside_down or self.upright else None,
-            clockwise=self.clockwise,
-            drop_stale=self.drop_stale,
-            backwards=self.backwards,
-        )
+        pose: Any = None if self.laser_pose is None else tuple(in_radians(self.laser_pose).tolist())
+        hangs = self.upside_down if self.upside_down or self.upright else None
+        alike = ("ignore_beams", "clockwise", "drop_stale", "backwards")
+        return SensorSetup(laser_pose=pose, upside_down=hangs, **{name: getattr(self, name) for name in alike})
 
     def open(self, path: Path) -> Log:
         """Return the log that the flags ask for."""
-        from curvescan.io.reading import open_log
-
         if self.rig:
             from curvescan.odometry.rig import Rig
 
@@ -258,19 +244,6 @@ class LogFlags:
 
 LogUse: TypeAlias = Annotated[LogFlags, tyro.conf.arg(name="")]
 """How a log is read and what of it is used, as flags of their own."""
-
-
-def run_options(log: Path, matching: MatcherFlags, use: LogFlags) -> dict[str, Any]:
-    """Return what `run` and `localize` of the library are told alike."""
-    return {
-        "method": matching.method,
-        "matcher": matching.matcher,
-        "odometry_prior": use.preparation.wanted,
-        "as_is": use.preparation.as_is,
-        "command": sys.argv,
-        "source": log,
-        "keeps_steps": False,
-    }
 
 
 def config_tables() -> dict[str, object]:

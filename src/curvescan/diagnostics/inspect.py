@@ -47,6 +47,11 @@ class TimeSummary:
     n_leaps: int = 0  # steps of more than 1 s and more than ten times the median
     largest_leap: float = 0.0  # size of the largest of them, 0 without
 
+    @property
+    def n_sweeps(self) -> int:
+        """Sweeps that are there, and those that seem to be missing."""
+        return self.n_steps + 1 + self.n_missing
+
 
 @dataclass(frozen=True, kw_only=True)
 class OdometrySummary:
@@ -122,7 +127,7 @@ _MIN_SUSPECT_SHARE = 0.01
 _MIN_SUSPECT_COUNT = 20
 _LEAP_FACTOR = 10.0
 _LEAP_SECONDS = 1.0
-_REGULAR = 0.2  # a clock is regular where the middle half of its steps lies within this share of their median
+_REGULAR = 0.2  # span of the middle half of the steps of a regular clock, as a share of their median
 _MISSING = 1.6  # steps from which on a sweep is missing, in medians
 
 
@@ -143,14 +148,14 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
     statistics = LogStatistics()
     for scan in log:
         statistics.add(scan)
-    n_beams, angle_min, step, is_circle = (0, math.nan, math.nan, False)
-    if statistics.layouts:
-        n_beams, angle_min, step, is_circle = statistics.layouts.most_common(1)[0][0]
+    frequent_layout = statistics.layouts.most_common(1) or [((0, math.nan, math.nan, False), 0)]
+    n_beams, angle_min, step, is_circle = frequent_layout[0][0]
     beam_counts: dict[int, int] = {}
     for (n, *_), n_scans in sorted(statistics.layouts.items()):
         beam_counts[n] = beam_counts.get(n, 0) + n_scans
-    odometry = log.odometry
-    sensor = sensor or judge_sensor(log)
+    frequent = statistics.codes.most_common(_MAX_CODES)
+    codes = (ReadingCode(value=value, share=count / statistics.n_readings) for value, count in frequent)
+    odometry, sensor = log.odometry, sensor or judge_sensor(log)
     return LogReport(
         name=log.name,
         format=log.format,
@@ -172,7 +177,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         stale_run=statistics.beams.stale_run,
         fixed_beams=statistics.beams.fixed_beams,
         largest_reading=statistics.largest_reading,
-        codes=_codes(statistics),
+        codes=tuple(code for code in codes if code.share >= _MIN_CODE_SHARE),
         suspect=_suspect(statistics),
         code_band=statistics.top_of_range.code_band(),
         ring=statistics.top_of_range.ring(),
@@ -204,8 +209,11 @@ def summarise_time(stamps: Floats) -> TimeSummary:
     forward, back = steps[steps > 0.0], steps[steps < 0.0]
     median = float(np.median(forward)) if forward.size else math.nan
     # no comparison with NaN holds: without a forward step there is no leap
-    leaps = forward[forward > max(_LEAP_SECONDS, _LEAP_FACTOR * median)]
-    usual = forward[~(forward > max(_LEAP_SECONDS, _LEAP_FACTOR * median))]
+    is_leap = forward > max(_LEAP_SECONDS, _LEAP_FACTOR * median)
+    leaps, usual = forward[is_leap], forward[~is_leap]
+    # a clock is regular where the middle half of its steps lies near their median; else nothing tells what is missing
+    is_regular = usual.size and not np.subtract(*np.percentile(usual, [75, 25])) > _REGULAR * median
+    n_missing = np.sum(np.round(usual / median) - 1.0, where=usual > _MISSING * median) if is_regular else 0
     duration = float(np.ptp(stamps))
     return TimeSummary(
         duration=duration,
@@ -215,20 +223,13 @@ def summarise_time(stamps: Floats) -> TimeSummary:
         step_median=median,
         step_max=float(np.max(steps)),
         jitter=float(np.std(usual)) if usual.size else math.nan,
-        n_missing=_n_missing(usual, median),
+        n_missing=int(n_missing),
         n_equal=int(np.count_nonzero(steps == 0.0)),
         n_back=int(back.size),
         largest_back=float(np.max(-back, initial=0.0)),
         n_leaps=int(leaps.size),
         largest_leap=float(np.max(leaps, initial=0.0)),
     )
-
-
-def _n_missing(steps: Floats, median: float) -> int:
-    """Return how many sweeps are missing between the others; 0 where the clock is too uneven."""
-    if not steps.size or np.subtract(*np.percentile(steps, [75, 25])) > _REGULAR * median:
-        return 0
-    return int(np.sum(np.round(steps / median) - 1.0, where=steps > _MISSING * median))
 
 
 def _mount(log: Log, odometry: Trajectory | None) -> tuple[float, float, float] | None:
@@ -255,21 +256,13 @@ def _summarise_odometry(odometry: Trajectory, lag: float) -> OdometrySummary:
     )
 
 
-def _codes(statistics: LogStatistics) -> tuple[ReadingCode, ...]:
-    shares = [(value, count / statistics.n_readings) for value, count in statistics.codes.most_common()]
-    return tuple(
-        ReadingCode(value=value, share=share) for value, share in shares[:_MAX_CODES] if share >= _MIN_CODE_SHARE
-    )
-
-
 def _suspect(statistics: LogStatistics) -> ReadingCode | None:
     """Return a value that stands for *no reading* without being declared so, or None.
 
     A real reading seldom repeats exactly. A driver's code is one of the largest values, and by far the most frequent.
     """
-    largest = sorted(statistics.top)[-_N_SUSPECTS:]
     least = max(_MIN_SUSPECT_COUNT, _MIN_SUSPECT_SHARE * statistics.n_fresh_readings)
-    for value in largest:
+    for value in sorted(statistics.top)[-_N_SUSPECTS:]:
         if statistics.top[value] >= least:
             return ReadingCode(value=value, share=statistics.top[value] / statistics.n_fresh_readings)
     return None

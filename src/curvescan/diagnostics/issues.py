@@ -61,21 +61,13 @@ class Issue:
         return f"{self.what}{consequence}{handled}"
 
 
-def _n_sweeps(r: LogReport) -> int:
-    return r.time.n_steps + 1 + r.time.n_missing
-
-
 def _is_missing(r: LogReport) -> bool:
-    return r.time.n_missing > _MISSING * _n_sweeps(r)
-
-
-def _has_steps(r: LogReport) -> bool:
-    return r.time.n_equal < r.time.n_steps
+    return r.time.n_missing > _MISSING * r.time.n_sweeps
 
 
 def _is_uneven(r: LogReport) -> bool:
     is_wide = r.time.step_max > _UNEVEN * r.time.step_median
-    return _has_steps(r) and is_wide and not _is_missing(r) and not r.time.n_leaps
+    return r.time.n_equal < r.time.n_steps and is_wide and not _is_missing(r) and not r.time.n_leaps
 
 
 def _is_blank(r: LogReport) -> bool:
@@ -95,7 +87,7 @@ _TESTS: dict[str, Callable[[LogReport], bool]] = {
     "bent_sweeps": lambda r: r.gyroscope is not None and r.gyroscope.straightens,
     "equal_stamps": lambda r: 0 < r.time.n_steps == r.time.n_equal,
     "time_goes_back": lambda r: r.time.n_back > 0,
-    "zero_steps": lambda r: _has_steps(r) and r.time.n_equal > 0,
+    "zero_steps": lambda r: 0 < r.time.n_equal < r.time.n_steps,
     "leaps": lambda r: r.time.n_leaps > 0,
     "missing_sweeps": _is_missing,
     "uneven_steps": _is_uneven,
@@ -148,7 +140,6 @@ _FIGURES: dict[str, Figure] = {
     "fixed": lambda r: "beams " + ", ".join(str(a) if a == b else f"{a} to {b}" for a, b in r.fixed_beams.runs),
     "or_gyroscope": lambda r: ", or the gyroscope's z axis points down" * (r.sense.reference == "gyroscope"),
     "bias_deg": lambda r: math.degrees(r.gyroscope.bias),
-    "n_sweeps": _n_sweeps,
     "range_limit": _range_limit,
     "loose": lambda r: " that are of no surface" * r.ring.is_loose,
     "lag": lambda r: abs(r.odometry.lag),

@@ -151,34 +151,33 @@ def choose_prior(
     Raises InvalidArgumentError where it is wanted, and there is none, it turns against the scans, or SLAM made it.
     """
     found, poses = _poses_of(log, lag)
+    leave_out = "leave odometry_prior=True out"
     if poses is None:
-        if wanted:
-            raise InvalidArgumentError(
-                f"{log.name} holds neither wheel odometry nor a gyroscope that could serve as motion prior: leave "
-                "odometry_prior=True out"
-            )
-        return Prior()
+        none = f"{log.name} holds neither wheel odometry nor a gyroscope that could serve as motion prior: {leave_out}"
+        return _left_out(wanted, none, "")
     if wanted is False:
         return Prior(sentence=f"left out: the {found} of the log, as odometry_prior=False asks")
     if found == "wheel odometry" and (why := why_reference(log, poses)):
-        if wanted:
-            raise InvalidArgumentError(
-                f"the poses in {log.name} are a reference and no motion prior: {why}; leave odometry_prior=True out"
-            )
-        return Prior(sentence=f"left out: the poses in the log are a reference and no motion prior, {why}")
+        what = "are a reference and no motion prior"
+        error = f"the poses in {log.name} {what}: {why}; {leave_out}"
+        return _left_out(wanted, error, f"left out: the poses in the log {what}, {why}")
     if sense is not None and sense.is_reversed:
-        against = f"turns against {{}} scans in {sense.n_reversed} of {sense.n_turns} sharp turns"
-        if wanted:
-            raise InvalidArgumentError(
-                f"the {found} of {log.name} {against.format('its')}: give clockwise=True if the sensor does, or leave "
-                "odometry_prior=True out"
-            )
-        return Prior(sentence=f"left out: the {found} of the log {against.format('the')}")
+        turns = f"scans in {sense.n_reversed} of {sense.n_turns} sharp turns"
+        helps = f"give clockwise=True if the sensor does, or {leave_out}"
+        error = f"the {found} of {log.name} turns against its {turns}: {helps}"
+        return _left_out(wanted, error, f"left out: the {found} of the log turns against the {turns}")
     if wanted:
         return Prior(poses=poses, sentence=f"used: the {found} of the log, as odometry_prior=True asks")
     agrees, how = compare_motion(log, poses)
     verb = "used" if agrees else "left out"
     return Prior(poses=poses if agrees else None, sentence=f"{verb}: the {found} of the log, which {how}")
+
+
+def _left_out(wanted: bool | None, error: str, sentence: str) -> Prior:
+    """Return a prior that is left out, or raise InvalidArgumentError where it is wanted."""
+    if wanted:
+        raise InvalidArgumentError(error)
+    return Prior(sentence=sentence)
 
 
 def _poses_of(log: Log, lag: float) -> tuple[str, Pose | None]:
@@ -257,13 +256,9 @@ def _gains(log: Log, rates: Floats, seconds: float) -> list[float]:
     sharpest = [k for k in np.argsort(-turns)[:_N_TURNS].tolist() if turns[k] > _SHARP and k > 0]
     gains = []
     for k in sharpest:
-        earlier, later = log[k - 1], log[k]
-        if earlier.time_increment > 0.0:
+        pair = (log[k - 1], log[k])
+        if pair[0].time_increment > 0.0:
             return []
-        before = match(earlier, later).score
-        after = match(
-            straightened(earlier, float(rates[k - 1]), seconds), straightened(later, float(rates[k]), seconds)
-        )
-        if math.isfinite(before) and math.isfinite(after.score):
-            gains.append(after.score - before)
-    return gains
+        straight = [straightened(scan, float(rates[i]), seconds) for i, scan in zip((k - 1, k), pair, strict=True)]
+        gains.append(match(*straight).score - match(*pair).score)
+    return [gain for gain in gains if math.isfinite(gain)]

@@ -1,7 +1,8 @@
 """prepare_log: a log as every run takes it, mended, with the motion prior that agrees with its scans."""
 
+import itertools
 import math
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from curvescan.diagnostics.issues import Issue, find_issues
 from curvescan.diagnostics.motion_prior import Prior, choose_prior, straightened
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.io.arrays.memory import as_log
-from curvescan.io.log import HeldLog, Log, LogView
+from curvescan.io.log import GyroLog, HeldLog, Log, LogView
 from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
@@ -85,19 +86,11 @@ def _is_set(given: SensorSetup, fault: Issue) -> bool:
 def _without(log: Log, faults: list[Issue], report: LogReport) -> Log:
     """Return a log without its faults."""
     kinds = {fault.kind for fault in faults}
-    for without in _filters(kinds, report):
-        log = _Filtered(log, without)
-    remedies = dict(fault.remedy for fault in faults if fault.remedy is not None)
-    range_max = remedies.get("range_max", math.inf)
-    gyroscope = report.gyroscope
+    if filters := _filters(kinds, report):
+        log = _Changed(log, lambda _, scan: _filtered(scan, filters))
     if kinds & {"undeclared_codes", "gyro_in_degrees", "gyro_bias", "bent_sweeps"}:
-        log = _Corrected(
-            log,
-            range_max=float(range_max) if isinstance(range_max, float) else math.inf,
-            scale=math.radians(1.0) if "gyro_in_degrees" in kinds else 1.0,
-            bias=gyroscope.bias if gyroscope and "gyro_bias" in kinds else 0.0,
-            seconds=report.time.step_median if "bent_sweeps" in kinds else 0.0,
-        )
+        remedies = dict(fault.remedy for fault in faults if fault.remedy is not None)
+        log = _corrected(log, kinds, report, float(str(remedies.get("range_max", math.inf))))
     setup = SensorSetup(
         upside_down=False,
         clockwise="turns_against" in kinds,
@@ -109,12 +102,18 @@ def _without(log: Log, faults: list[Issue], report: LogReport) -> Log:
 
 def _filters(kinds: Collection[str], report: LogReport) -> list[Callable[[LaserScan], LaserScan]]:
     """Return what leaves out the readings of a ring, and of beams that see the robot."""
-    filters: list[Callable[[LaserScan], LaserScan]] = []
-    if "ring" in kinds and report.ring is not None:
-        filters.append(report.ring.without)
-    if "fixed_beams" in kinds and report.fixed_beams is not None:
-        filters.append(report.fixed_beams.without)
-    return filters
+    found = (("ring", report.ring), ("fixed_beams", report.fixed_beams))
+    return [one.without for kind, one in found if one is not None and kind in kinds]
+
+
+def _filtered(scan: LaserScan, filters: Iterable[Callable[[LaserScan], LaserScan]]) -> LaserScan:
+    for without in filters:
+        scan = without(scan)
+    return scan
+
+
+def _limited(scan: LaserScan, range_max: float) -> LaserScan:
+    return replace(scan, range_max=range_max) if scan.range_max > range_max else scan
 
 
 class StreamMender:
@@ -134,13 +133,10 @@ class StreamMender:
             if len(self._first) in _JUDGED_AT:
                 self._judge()
         before, self._before = self._before, scan.ranges
-        if scan.range_max > self._range_max:
-            scan = replace(scan, range_max=self._range_max)
+        scan = _limited(scan, self._range_max)
         if "stale_beams" in self._done and len(before) == len(scan):
             scan = replace(scan, ranges=np.where(scan.valid & (scan.ranges == before), np.nan, scan.ranges))
-        for without in self._filters:
-            scan = without(scan)
-        return scan
+        return _filtered(scan, self._filters)
 
     def _judge(self) -> None:
         report = inspect_log(as_log(self._first), SensorJudgement(beam_order=None, rotation=None))
@@ -155,49 +151,40 @@ class StreamMender:
         self._done, self._range_max = found, float(str(limits.get("range_max", math.inf)))
 
 
-class _Filtered(LogView):
-    """A Log without some readings of each scan."""
+class _Changed(LogView):
+    """A Log whose scans a function of number and scan changes; turned: by its gyroscope, None as the log below says."""
 
-    def __init__(self, log: Log, without: Callable[[LaserScan], LaserScan]) -> None:
+    def __init__(self, log: Log, change: Callable[[int, LaserScan], LaserScan], turned: Floats | None = None) -> None:
         super().__init__(log)
-        self._without = without
-
-    def __iter__(self) -> Iterator[LaserScan]:
-        return map(self._without, self._log)
-
-    def _scan_at(self, i: int) -> LaserScan:
-        return self._without(self._log[i])
-
-
-class _Corrected(LogView):
-    """A Log with a limit of its readings, its gyroscope corrected, and its sweeps straightened by the gyroscope."""
-
-    def __init__(self, log: Log, *, range_max: float, scale: float, bias: float, seconds: float) -> None:
-        super().__init__(log)
-        self._range_max, self._seconds = range_max, seconds
-        self._turned = super().turned_by_gyro()
-        self._rates = np.empty(0)
-        if self._turned is not None:
-            stamps = np.array([scan.stamp for scan in log])
-            self._turned = scale * self._turned - bias * (stamps - stamps[:1])
-            steps = np.diff(stamps, prepend=np.nan)
-            self._rates = np.full(steps.size, np.nan)
-            np.divide(np.diff(self._turned, prepend=np.nan), steps, out=self._rates, where=steps > 0.0)
+        self._change, self._turned = change, turned
 
     def turned_by_gyro(self) -> Floats | None:
         """Return the angle that the gyroscope has turned by at each scan, radians."""
-        return self._turned
+        return super().turned_by_gyro() if self._turned is None else self._turned
 
     def __iter__(self) -> Iterator[LaserScan]:
-        return (self._corrected(k, scan) for k, scan in enumerate(self._log))
+        return map(self._change, itertools.count(), self._log)
 
     def _scan_at(self, i: int) -> LaserScan:
-        return self._corrected(i, self._log[i])
+        return self._change(i, self._log[i])
 
-    def _corrected(self, k: int, scan: LaserScan) -> LaserScan:
-        if scan.range_max > self._range_max:
-            scan = replace(scan, range_max=self._range_max)
-        return straightened(scan, float(self._rates[k]), self._seconds) if self._seconds > 0.0 else scan
+
+def _corrected(log: Log, kinds: Collection[str], report: LogReport, range_max: float) -> Log:
+    """Return a log with a limit of its readings, its gyroscope corrected, and its sweeps straightened by it."""
+    seconds = report.time.step_median if "bent_sweeps" in kinds else 0.0
+    turned, rates = log.turned_by_gyro() if isinstance(log, GyroLog) else None, np.full(len(log), np.nan)
+    if turned is not None:
+        bias = report.gyroscope.bias if report.gyroscope and "gyro_bias" in kinds else 0.0
+        stamps = np.array([scan.stamp for scan in log])
+        turned = (math.radians(1.0) if "gyro_in_degrees" in kinds else 1.0) * turned - bias * (stamps - stamps[:1])
+        steps = np.diff(stamps, prepend=np.nan)
+        np.divide(np.diff(turned, prepend=np.nan), steps, out=rates, where=steps > 0.0)
+
+    def change(k: int, scan: LaserScan) -> LaserScan:
+        scan = _limited(scan, range_max)
+        return straightened(scan, float(rates[k]), seconds) if seconds > 0.0 else scan
+
+    return _Changed(log, change, turned)
 
 
 def prepare_log(

@@ -121,8 +121,7 @@ def _costs(shifted: Floats, profile: Floats) -> Floats:
     seen = np.isfinite(change)
     n_seen = np.count_nonzero(seen, axis=1)
     total = np.minimum(change, _TRUNCATED).sum(axis=1, where=seen)
-    costs: Floats = np.where(n_seen > _MIN_OVERLAP * profile.size, total / np.maximum(n_seen, 1), np.inf)
-    return costs
+    return np.where(n_seen > _MIN_OVERLAP * profile.size, total / np.maximum(n_seen, 1), np.inf)
 
 
 _N_WINDOWS = 12
@@ -139,30 +138,24 @@ def odometry_lag(scans: Iterable[LaserScan], headings: Floats) -> float:
     sharpness = np.where(np.isfinite(turns), np.abs(turns), 0.0)
     wanted = _windows(sharpness)
     stamps: list[float] = []
-    rows: list[int] = []
-    seen: list[float] = []
+    seen: dict[int, float] = {}
     for k, (earlier, later) in enumerate(pairwise(scans)):
-        if not stamps:
-            stamps.append(earlier.stamp)
-        stamps.append(later.stamp)
+        stamps += [later.stamp] if stamps else [earlier.stamp, later.stamp]
         if k in wanted:
-            rows.append(k)
-            seen.append(turn_between(earlier, later))
+            seen[k] = turn_between(earlier, later)
     times = np.array(stamps)
     known = np.isfinite(headings[: times.size])
-    if len(rows) < _MIN_STEPS or not known.all() or not (np.diff(times) > 0.0).all():
+    if len(seen) < _MIN_STEPS or not known.all() or not (np.diff(times) > 0.0).all():
         return 0.0
-    by_scans, row = np.array(seen), np.array(rows)
+    row, by_scans = np.array(list(seen)), np.array(list(seen.values()))
     whole = np.unwrap(headings[: times.size])
 
     def difference(lag: float) -> float:
         moved = np.interp(times + lag, times, whole)
         return float(np.mean(np.abs(moved[row + 1] - moved[row] - by_scans)))
 
-    differences = np.array([difference(float(lag)) for lag in _LAGS])
-    best = int(np.argmin(differences))
-    lag = float(_LAGS[best])
-    is_clear = differences[best] < _BETTER * difference(0.0) and abs(lag) >= _LEAST_LAG
+    lag = min(_LAGS.tolist(), key=difference)
+    is_clear = difference(lag) < _BETTER * difference(0.0) and abs(lag) >= _LEAST_LAG
     return lag if is_clear else 0.0
 
 
@@ -178,9 +171,9 @@ def _windows(sharpness: Floats) -> set[int]:
     """Return the steps around the sharpest turns."""
     left, wanted = sharpness.copy(), set[int]()
     for _ in range(_N_WINDOWS):
-        k = int(np.argmax(left)) if left.size else 0
-        if not left.size or left[k] <= math.radians(2.0):
+        if not left.max(initial=0.0) > math.radians(2.0):
             break
+        k = int(np.argmax(left))
         low, high = max(k - _WINDOW, 0), min(k + _WINDOW + 1, left.size)
         wanted.update(range(low, high))
         left[low:high] = 0.0

@@ -53,11 +53,8 @@ def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
     for scan in scans:
         deskewer = deskewer.ticked(scan)
         current = prepare(scan)
-        velocity = np.full(3, math.nan)
-        if before is not None:
-            result = match(before, current)
-            if result.ok:
-                velocity = deskewer.velocity(result.pose)
+        result = None if before is None else match(before, current)
+        velocity = deskewer.velocity(result.pose) if result is not None and result.ok else np.full(3, math.nan)
         before = current
         held.append((scan, velocity))
         if len(held) == 3:
@@ -70,19 +67,15 @@ def _gain(held: deque[tuple[LaserScan, Floats]]) -> list[float]:
     """Return by how much scans agree better in the order of the log than in reverse; none if undetermined."""
     (first, v_first), (second, v_second), (_, v_third) = held
     # at a scan the mean of the velocities before and after it
-    velocities = (0.5 * (v_first + v_second), 0.5 * (v_second + v_third))
-    if not np.isfinite(velocities).all() or first.time_increment == 0.0:
+    v_first, v_second = 0.5 * (v_first + v_second), 0.5 * (v_second + v_third)
+    is_known = np.isfinite((v_first, v_second)).all() and first.time_increment != 0.0
+    if not is_known or sweep_shift(second, v_second) < _LEAST_SHIFT:
         return []
-    if sweep_shift(second, velocities[1]) < _LEAST_SHIFT:
-        return []
-    scores = []
-    for sign in (1.0, -1.0):
-        pair = [prepare(deskew(scan, sign * v)) for scan, v in zip((first, second), velocities, strict=True)]
-        scores.append(match(*pair).score)
+    scores = [match(deskew(first, sign * v_first), deskew(second, sign * v_second)).score for sign in (1.0, -1.0)]
     return [scores[0] - scores[1]] if np.isfinite(scores).all() else []
 
 
-_N_ORDER_SCANS = 300
+_N_ORDER_SCANS = 300  # scans of a log in which the order of the beams is looked for
 
 
 @dataclass(frozen=True, kw_only=True)

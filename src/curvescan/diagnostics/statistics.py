@@ -94,8 +94,6 @@ class BeamStatistics:
     def fixed_beams(self) -> FixedBeams | None:
         """Beams that keep their reading beside a room that begins at once, while the sensor moves; None without any."""
         well_seen = 2 * self._counts > self._n_scans
-        if not well_seen.any():
-            return None
         counts = np.maximum(self._counts, 1.0)
         means = self._sums / counts
         deviations = np.sqrt(np.maximum(self._squares / counts - means**2, 0.0))
@@ -190,7 +188,9 @@ class LogStatistics:
         self.stamps.append(scan.stamp)
         self.n_timed += scan.time_increment > 0.0
         self.sweep_seconds = max(self.sweep_seconds, scan.time_increment * (len(scan) - 1))
-        self._add_layout(scan)
+        layout = (len(scan), scan.angle_min, scan.mean_increment, scan.is_full_circle)
+        if layout in self.layouts or len(self.layouts) < _MAX_LAYOUTS:
+            self.layouts[layout] += 1
         self.range_min = min(self.range_min, scan.range_min)
         self.range_max = max(self.range_max, scan.range_max)
         valid = scan.valid
@@ -200,7 +200,8 @@ class LogStatistics:
         self.n_blank += n_valid == 0
         if n_valid < len(scan):
             self._add_codes(scan.ranges[~valid])
-        if self._repeats_previous(scan.ranges):
+        previous, self._previous = self._previous, scan.ranges
+        if previous is not None and len(scan) and np.array_equal(previous, scan.ranges, equal_nan=True):
             self.n_repeats += 1
             return  # what it says of the top of the range, and of single beams, has been said
         self.beams.add(scan)
@@ -208,17 +209,6 @@ class LogStatistics:
         if n_valid:
             self._add_top(scan.ranges[valid])
             self.top_of_range.add(scan)
-
-    def _repeats_previous(self, ranges: Floats) -> bool:
-        previous, self._previous = self._previous, ranges
-        if previous is None or not ranges.size:
-            return False
-        return bool(np.array_equal(previous, ranges, equal_nan=True))
-
-    def _add_layout(self, scan: LaserScan) -> None:
-        layout = (len(scan), scan.angle_min, scan.mean_increment, scan.is_full_circle)
-        if layout in self.layouts or len(self.layouts) < _MAX_LAYOUTS:
-            self.layouts[layout] += 1
 
     def _add_codes(self, values: Floats) -> None:
         for value, count in zip(*_counted(values), strict=True):
@@ -231,8 +221,6 @@ class LogStatistics:
         # a value that 16 larger ones have pushed out can never return, so the counts stay exact
         if len(self.top) == _N_TOP:
             values = values[values >= min(self.top)]
-        if not values.size:
-            return
         for value, count in zip(*_counted(values), strict=True):
             self.top[value] = self.top.get(value, 0) + count
         if len(self.top) > _N_TOP:

@@ -116,6 +116,11 @@ class Evidence:
         return max(MAX_UNMATCHED, share * (self.n_scans - 1))
 
     @property
+    def most_open(self) -> float:
+        """Share of the scans that may leave the motion along one direction to what is usual."""
+        return MAX_OPEN_SHARE_SLAM if self.is_slam else MAX_OPEN_SHARE
+
+    @property
     def is_guessed(self) -> bool:
         """Whether many scans leave a direction unobservable, and no wheels are used: the motion is guessed."""
         return self.motion != "used" and self.open_share > MAX_OPEN_SHARE
@@ -127,11 +132,6 @@ class Evidence:
         return max(MAX_SIGMA, (MAX_SIGMA_SHARE if self.is_slam else MAX_DRIFT) * length)
 
 
-def _is_guessed(e: Evidence) -> bool:
-    """Return whether odometry, or SLAM whose covariances cannot tell it either, guesses the motion."""
-    return e.is_guessed and e.engine != "localization" and not (e.is_slam and e.open_share <= MAX_OPEN_SHARE_SLAM)
-
-
 _TESTS: dict[str, Callable[[Evidence], bool]] = {
     "too_few": lambda e: e.n_scans < 2,
     "cut": lambda e: e.is_cut,
@@ -139,18 +139,13 @@ _TESTS: dict[str, Callable[[Evidence], bool]] = {
     "not_found": lambda e: e.engine == "localization" and e.found < MIN_FOUND,
     "unmatched": lambda e: e.engine != "localization" and e.n_unmatched > e.most_unmatched,
     "uncertain": lambda e: e.n_parts == 1 and e.sigma > e.most_sigma,
-    "guessed": _is_guessed,
+    "guessed": lambda e: e.is_guessed and e.engine != "localization" and e.open_share > e.most_open,
     "frozen": lambda e: any(b.kind == "frozen" for b in e.breaks),
     "untied": lambda e: any(b.kind == "untied" for b in e.breaks),
     "misplaced": lambda e: any(b.kind == "misplaced" for b in e.breaks),
     "contradicted": lambda e: bool(e.contradictions),
 }
 """Where each reason of verdict.toml holds."""
-
-
-def _end(e: Evidence) -> str:
-    known = f"{e.n_scans:,} of about {e.n_recorded:,} scans are there"
-    return known if e.n_recorded > e.n_scans else "its end is missing"
 
 
 def _found(e: Evidence) -> str:
@@ -167,7 +162,11 @@ def _where_open(e: Evidence) -> str:
 
 _FILL = Sentences(
     {
-        "end": _end,
+        "end": lambda e: (
+            f"{e.n_scans:,} of about {e.n_recorded:,} scans are there"
+            if e.n_recorded > e.n_scans
+            else "its end is missing"
+        ),
         "found": _found,
         "where_open": _where_open,
         "made": lambda e: "map" if e.is_slam else "trajectory",

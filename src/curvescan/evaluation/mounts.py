@@ -54,7 +54,10 @@ def find_mount(motions_a: ArrayLike, motions_b: ArrayLike) -> UncertainPose:
             f"a mount needs {_LEAST_PIECES} motions with {_LEAST_TURN} rad of turns in sum, got {len(a)} with "
             f"{turned:.2f} rad: drive farther, and round bends"
         )
-    found = least_squares(_misclosure, _linear_mount(a, b), args=(a, b), loss="soft_l1", f_scale=_scale(a, b))
+    begin = _linear_mount(a, b)
+    # the misclosure of an outlier: three deviations of the linear solution's, at least 1 mm
+    scale = max(3.0 * float(np.median(np.abs(_misclosure(begin, a, b)))) / _MEDIAN_OF_NORMAL, 1e-3)
+    found = least_squares(_misclosure, begin, args=(a, b), loss="soft_l1", f_scale=scale)
     # a robust fit's covariance: residual variance of the pieces that the loss trusts, by the information at the optimum
     rest = _misclosure(found.x, a, b)
     variance = (np.median(np.abs(rest)) / _MEDIAN_OF_NORMAL) ** 2 * rest.size / (rest.size - 3)
@@ -84,7 +87,7 @@ def find_mounts(logs: Mapping[str, Log], *, base: str | Trajectory) -> dict[str,
     """
     if isinstance(base, str) and base not in logs:
         raise InvalidArgumentError(f"base must be one of {', '.join(logs)}, or wheels as a Trajectory, got {base!r}")
-    tracks = {name: track_of(log) for name, log in logs.items()}
+    tracks = {name: _track_of(log) for name, log in logs.items()}
     seen_from = tracks[base] if isinstance(base, str) else base
     return {
         name: find_mount(*common_motions(seen_from, track)) for name, track in tracks.items() if track is not seen_from
@@ -137,30 +140,18 @@ def check_mounts(path: str | os.PathLike[str], *, uses_wheels: bool = True) -> l
         )
     found = find_mounts(logs, base=first if wheels is None else wheels)
     seen_from = given[first] if wheels is None else np.zeros(3)
-    return [
-        MountCheck(
-            topic=topic,
-            base="the wheels" if wheels is not None else first,
-            found=mount,
-            given=_seen(seen_from, given[topic]),
-        )
-        for topic, mount in found.items()
-    ]
+    base, checks = "the wheels" if wheels is not None else first, []
+    for topic, mount in found.items():
+        there = given[topic]
+        pose = None if seen_from is None or there is None else se2.between(seen_from, there)
+        checks.append(MountCheck(topic=topic, base=base, found=mount, given=pose))
+    return checks
 
 
-def _seen(a: Pose | None, b: Pose | None) -> Pose | None:
-    return None if a is None or b is None else se2.between(a, b)
-
-
-def track_of(log: Log) -> Trajectory:
+def _track_of(log: Log) -> Trajectory:
     """Return the odometry of a laser of a rig, its sweeps as they are."""
-    odometry = Odometry()
-    stamps, poses = [], []
-    for scan in log:
-        step = odometry.add(scan)
-        stamps.append(step.stamp)
-        poses.append(step.pose)
-    return Trajectory(stamps=np.array(stamps), poses=np.array(poses).reshape(-1, 3))
+    table = np.array([(step.stamp, *step.pose) for step in map(Odometry().add, log)]).reshape(-1, 4)
+    return Trajectory(stamps=table[:, 0], poses=table[:, 1:])
 
 
 def common_motions(a: Trajectory, b: Trajectory) -> tuple[Pose, Pose]:
@@ -209,9 +200,3 @@ def _linear_mount(a: Pose, b: Pose) -> Floats:
     rows[:, 1] = np.stack([s, c - 1.0, -b[:, 1], -b[:, 0]], axis=-1)
     solution = np.linalg.lstsq(rows.reshape(-1, 4), -a[:, :2].ravel(), rcond=None)[0]
     return np.array([solution[0], solution[1], np.arctan2(solution[3], solution[2])])
-
-
-def _scale(a: Pose, b: Pose) -> float:
-    """Return the misclosure of an outlier: three deviations of the linear solution's, at least 1 mm."""
-    rest = np.abs(_misclosure(_linear_mount(a, b), a, b))
-    return max(3.0 * float(np.median(rest)) / _MEDIAN_OF_NORMAL, 1e-3)

@@ -22,7 +22,7 @@ from curvescan.io.trajectories.relations import Relations
 from curvescan.matchers import match, prepare
 from curvescan.matchers.result import Outcome
 from curvescan.odometry import Odometry, RunRecord, run_odometry
-from curvescan.types import Bools, Floats
+from curvescan.types import Floats
 
 RIGHT = (0.25, np.radians(3.0))  # a match is right within this of the log's own poses: metres, radians
 WRONG = (0.3, np.radians(10.0))  # a match is plainly wrong beyond either of these: metres, radians
@@ -53,19 +53,22 @@ class LogEvaluation:
     @property
     def right_share(self) -> float:
         """Share of all steps matched within RIGHT of the log's own poses; NaN without any."""
-        return self._share(lambda d: (d[:, 0] < RIGHT[0]) & (d[:, 1] < RIGHT[1]))
+        if self.difference is None:
+            return float("nan")
+        return float(np.mean((self.difference < RIGHT).all(axis=1)))
 
     @property
     def wrong_share(self) -> float:
         """Share of all steps matched, and beyond WRONG of the log's own poses; NaN without any."""
-        return self._share(lambda d: (d[:, 0] > WRONG[0]) | (d[:, 1] > WRONG[1]))
+        if self.difference is None:
+            return float("nan")
+        return float(np.mean((self.difference > WRONG).any(axis=1)))
 
     @property
     def median_difference(self) -> tuple[float, float]:
         """Median difference of the matched motions from the log's own, metres and radians; NaN without any."""
-        if self.difference is None:
-            return float("nan"), float("nan")
-        known = self.difference[~np.isnan(self.difference[:, 0])]
+        known = np.empty((0, 2)) if self.difference is None else self.difference
+        known = known[~np.isnan(known[:, 0])]
         if len(known) == 0:
             return float("nan"), float("nan")
         return float(np.median(known[:, 0])), float(np.median(known[:, 1]))
@@ -78,11 +81,6 @@ class LogEvaluation:
             return float("nan"), float("nan")
         distance, angle = np.hypot(known[:, 0], known[:, 1]), np.abs(known[:, 2])
         return float(np.percentile(distance, 99.0)), float(np.percentile(angle, 99.0))
-
-    def _share(self, holds: Callable[[Floats], Bools]) -> float:
-        if self.difference is None:
-            return float("nan")
-        return float(np.mean(holds(self.difference)))
 
 
 def evaluate_log(

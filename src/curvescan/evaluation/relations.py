@@ -7,6 +7,7 @@ place, measure what has added up in between, which a trajectory without loop clo
 """
 
 from collections import defaultdict, deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -44,7 +45,8 @@ def associate(first: Floats, second: Floats, *, tolerance: float = 0.01) -> Asso
     Where more than half of the stamps of a list repeat, lists of one length are paired in their order. Raises
     InvalidArgumentError.
     """
-    if _says_nothing(first) or _says_nothing(second):
+    # where most stamps repeat they say nothing
+    if any(len(np.unique(stamps)) * 2 < len(stamps) for stamps in (first, second)):
         if len(first) != len(second):
             raise InvalidArgumentError(
                 "most time stamps repeat, so poses can only be paired in their order, which needs equally many: "
@@ -53,7 +55,10 @@ def associate(first: Floats, second: Floats, *, tolerance: float = 0.01) -> Asso
         order = np.arange(len(first))
         n_exact = int(np.count_nonzero(first == second))
         return Association(first=order, second=order, n_exact=n_exact, by="order")
-    pairs = _equal_pairs(first, second)
+    places: dict[float, deque[int]] = defaultdict(deque)
+    for j, stamp in enumerate(second.tolist()):
+        places[stamp].append(j)
+    pairs = [(i, places[stamp].popleft()) for i, stamp in enumerate(first.tolist()) if places.get(stamp)]
     n_exact = len(pairs)
     pairs += _near_pairs(first, second, pairs, tolerance)
     table = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
@@ -74,17 +79,6 @@ def find_stamps(stamps: Floats, wanted: Floats, *, tolerance: float = 1e-4) -> I
     n_equal = np.searchsorted(ordered, value, "right") - np.searchsorted(ordered, value, "left")
     found: Ints = np.where((off <= tolerance) & (n_equal == 1), order[nearest], -1)
     return found
-
-
-def _says_nothing(stamps: Floats) -> bool:
-    return len(np.unique(stamps)) * 2 < len(stamps)
-
-
-def _equal_pairs(first: Floats, second: Floats) -> list[tuple[int, int]]:
-    places: dict[float, deque[int]] = defaultdict(deque)
-    for j, stamp in enumerate(second.tolist()):
-        places[stamp].append(j)
-    return [(i, places[stamp].popleft()) for i, stamp in enumerate(first.tolist()) if places.get(stamp)]
 
 
 def _near_pairs(first: Floats, second: Floats, taken: list[tuple[int, int]], tolerance: float) -> list[tuple[int, int]]:
@@ -201,9 +195,8 @@ class PublishedError:
     """What one method reached on one log, over all of its relations."""
 
     method: str  # in words
-    translation: tuple[float, float]  # mean and standard deviation, metres
-    # mean and standard deviation, degrees, as far as they were published
-    rotation: tuple[float, float | None] | None = None
+    translation: Sequence[float]  # mean and standard deviation, metres
+    rotation: Sequence[float] = ()  # mean and standard deviation, degrees, as far as they were published
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,20 +208,12 @@ class BenchmarkLog:
     errors: tuple[PublishedError, ...]  # what was published
 
 
-def _error(method: str, translation: list[float], rotation: list[float] | None = None) -> PublishedError:
-    mean, std = translation
-    degrees = None if rotation is None else (rotation[0], rotation[1] if len(rotation) > 1 else None)
-    return PublishedError(method=method, translation=(mean, std), rotation=degrees)
-
-
-def _read() -> dict[str, BenchmarkLog]:
-    return {
-        key: BenchmarkLog(name=row["name"], keys=tuple(row["keys"]), errors=tuple(_error(**e) for e in row["errors"]))
-        for key, row in shipped_table(__package__, "published.toml").items()
-    }
-
-
-BENCHMARKS: dict[str, BenchmarkLog] = _read()
+BENCHMARKS = {
+    key: BenchmarkLog(
+        name=row["name"], keys=tuple(row["keys"]), errors=tuple(PublishedError(**error) for error in row["errors"])
+    )
+    for key, row in shipped_table(__package__, "published.toml").items()
+}
 """The logs of the benchmark by name."""
 
 

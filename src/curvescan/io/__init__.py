@@ -1,8 +1,4 @@
-"""Bytes to scans, poses and maps, and back: the readers and writers of every format, and nothing else.
-
-``read_log`` opens a log of any format of the table in ``reading.py``; the format is detected from the content of the
-file, never from its name.
-"""
+"""Bytes to scans, poses and maps, and back: the readers and writers of every format, and nothing else."""
 
 from curvescan.io import datasets
 from curvescan.io.arrays.memory import MemoryLog, log_from_arrays

@@ -1,7 +1,7 @@
-"""curvescan.datasets: public logs, downloaded once, checked and kept.
+"""curvescan.datasets: public logs, downloaded once from the repositories that hold them, checked and kept.
 
-Nothing is shipped: each file comes from the public repository that holds it. By the SHA-256 in ``datasets.toml`` the
-same name is the same bytes for everybody. Of a file that is published compressed it is that of the content.
+By the SHA-256 in ``datasets.toml`` (of a file that is published compressed: of its content) the same name is the same
+bytes for everybody.
 """
 
 import bz2
@@ -89,7 +89,8 @@ def fetch(name: str) -> Path:
         return Path(store.fetch(file, processor=announce, downloader=download))
     except (OSError, ValueError) as error:
         raise SourceError(
-            f"cannot download {name} from {url}: {_reason(error)}; {_remedy(store.abspath / file)}"
+            f"cannot download {name} from {url}: {_reason(error)}; try again later, or save the unpacked file as "
+            f"{store.abspath / file}"
         ) from error
 
 
@@ -103,7 +104,3 @@ def _reason(error: Exception) -> str:
     if isinstance(error, OSError) and error.errno is not None:
         return error.strerror or str(error)
     return "the content is not the one whose SHA-256 is known"
-
-
-def _remedy(path: Path) -> str:
-    return f"try again later, or save the unpacked file as {path}"

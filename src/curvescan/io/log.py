@@ -215,12 +215,6 @@ class LogSlice(LogView):
 _SCANS_A_LOOKUP = 10  # to look a scan up takes about as long as to read so many in their order
 
 
-def refuse_topic(path: object, kind: str, topic: str | None) -> None:
-    """Raise InvalidArgumentError when a topic is given for a format that has none."""
-    if topic is not None:
-        raise InvalidArgumentError(f"{path} is a {kind}, which has no topics, got topic {topic!r}: leave it out")
-
-
 def pick_scans(log: Log, numbers: Sequence[int]) -> list[LaserScan]:
     """Return the scans of these numbers, in the order given. Raises InvalidArgumentError."""
     for number in numbers:

@@ -1,8 +1,4 @@
-"""read_log and read_poses: the table of log formats, and how a file's first bytes identify them.
-
-A format is one row: a name, a sniff that looks at the first bytes after unpacking, and the reader as
-``"module:function"``, imported when a file of the format is met. Rows are tried in order.
-"""
+"""read_log and read_poses: the table of log formats, and how a file's first bytes identify them."""
 
 import os
 import pkgutil
@@ -19,7 +15,7 @@ from curvescan.io.files.lines import as_path, read_head
 from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import BagKind, storage_files
 from curvescan.io.sensor_setup import SensorSetup, apply_setup
-from curvescan.io.trajectories.layouts import first_line, is_our_csv, plain_rows, results_file
+from curvescan.io.trajectories.layouts import first_line, is_our_csv, results_file
 from curvescan.io.trajectories.trajectory import Trajectory
 
 HEAD_BYTES = 1 << 16  # how many unpacked bytes a sniff gets: room for the long PARAM preamble of a CARMEN log
@@ -220,20 +216,12 @@ def read_poses(path: str | os.PathLike[str]) -> PoseFile:
         When it holds no poses, or is of no such format.
     """
     file = results_file(path)
-    if file.is_dir():
-        return _poses_of_log(file)
-    if not file.exists():  # the readers of logs would speak of a log
-        raise LogFileError(f"trajectory {path} does not exist: check the path")
-    head = read_head(file, HEAD_BYTES)
-    if any(row.sniff(head) for row in FORMATS):
-        return _poses_of_log(file)
-    first = first_line(head)
-    rows = plain_rows(file, first)
-    return PoseFile(trajectory=Trajectory(**rows._asdict()), is_of_sensor=is_our_csv(first))
-
-
-def _poses_of_log(path: Path) -> PoseFile:
-    log = read_log(path)
-    if log.odometry is None:
-        raise LogFormatError(f"{path} is a log without poses: run `curvescan odometry` on it and give what that writes")
-    return PoseFile(trajectory=log.odometry, is_of_sensor=True)
+    head = read_head(file, HEAD_BYTES) if file.is_file() else b""
+    if file.is_dir() or any(row.sniff(head) for row in FORMATS):
+        log = read_log(file)
+        if log.odometry is None:
+            raise LogFormatError(
+                f"{file} is a log without poses: run `curvescan odometry` on it and give what that writes"
+            )
+        return PoseFile(trajectory=log.odometry, is_of_sensor=True)
+    return PoseFile(trajectory=Trajectory.read(path), is_of_sensor=is_our_csv(first_line(head)))

@@ -1,7 +1,4 @@
-"""What a user knows of a laser better than its log: beams to ignore, how it is mounted, which way it turns.
-
-One record, and one view of a log that applies it to every scan and to the wheel odometry: readers know nothing of it.
-"""
+"""What a user knows of a laser better than its log: a record, and the view of a log that applies it."""
 
 import math
 from collections.abc import Iterable, Iterator

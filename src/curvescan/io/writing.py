@@ -1,8 +1,6 @@
 """Scans, runs and maps as files: the table of log formats behind write_log, that of exports of a run, PLY and PCD.
 
-A format is one row: a name, the endings of a file's name that ask for it, and the writer as ``"module:function"``,
-imported when it is used. What each format loses of a scan stands with its writer; the writer returns what it did lose,
-a sentence each.
+What a format loses of a scan stands with its writer, which returns what it did lose, a sentence each.
 """
 
 import os
@@ -103,7 +101,7 @@ def write_log(
     write: LogWriter = pkgutil.resolve_name(row.writer)
     with output_folder(target) if row.is_folder else output_file(target) as new:
         try:
-            return write(new, log, on_scan or _nothing)
+            return write(new, log, on_scan or (lambda: None))
         except CurvescanError:
             raise
         except (OSError, sqlite3.Error) as error:
@@ -114,9 +112,8 @@ def write_log(
 def _choose(path: Path, name: str | None) -> OutputFormat:
     is_packed = path.suffix == ".gz"
     suffix = (path.with_suffix("") if is_packed else path).suffix.lower()
-    row = None if name is None else look_up(WRITERS, name, "format")
-    if row is None:
-        row = next((row for row in WRITERS.values() if suffix in row.suffixes), None)
+    named = None if name is None else look_up(WRITERS, name, "format")
+    row = named or next((row for row in WRITERS.values() if suffix in row.suffixes), None)
     if row is None:
         endings = ", ".join(s for row in WRITERS.values() for s in row.suffixes if s)
         raise InvalidArgumentError(
@@ -139,11 +136,7 @@ def _check_is_other(target: Path, source: Path) -> None:
         )
 
 
-def _nothing() -> None: ...
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunData:
+class RunData(NamedTuple):
     """What a run has to be written."""
 
     trajectory: Trajectory  # A pose a scan

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
-import struct
+import tempfile
 import time
-import zlib
 from array import array
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from io import BytesIO
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from PIL import Image
 
 import curvescan
 from curvescan import se2
 from curvescan._compilation import watch
 from curvescan.errors import MapTooLargeError
-from curvescan.live.tracker import TrackedScan, Tracker
+from curvescan.live.tracker import Pace, TrackedScan, Tracker
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.matchers import DEFAULT_METHOD
@@ -26,19 +27,17 @@ from curvescan.scan import LaserScan
 from curvescan.simulation.driving.pursuit import Drive
 from curvescan.simulation.recording import simulate
 from curvescan.simulation.sensing.sensors import SENSORS
+from curvescan.slam import SlamMap
 from curvescan.slam.run import Engine
 from curvescan.types import Floats, Pose
 
 _MOVED = 0.05  # a scan enters the map when the sensor has moved by this much, metres or radians
 _PATH_STEP_M = 0.03  # points of the path are this far apart at least, metres: memory follows the way and not the time
-_MAX_PATH = 50_000  # points of the path at most; beyond them every second one is forgotten
+_MAX_PATH = 50_000  # points of the path at most
 
 _KEPT_M, _KEPT_RAD = 0.15, 0.35
 """A scan is kept, to draw the map anew, for each square of this side and each sector of this angle, metres and radians:
 the newest that was taken there, so that memory follows the area and not the time."""
-
-_REDRAW_PERIOD, _REDRAW_SHARE = 1.0, 0.2
-"""The map is drawn anew at most every so many seconds, and in at most this share of the time."""
 
 _DARK = 20.0  # grey of the surest obstacle; the surest free space is white, 255
 
@@ -65,7 +64,7 @@ class LiveMap:
         self._path, self._path_indices = array("d"), array("q")
         self._path_step = _PATH_STEP_M
         self._revised: Pose | None = None
-        self._next_redraw = 0.0
+        self._redraws = Pace(1.0, 0.2)
         self.path_version = 0
         self.version = 0
         self.why_no_grid = ""
@@ -74,7 +73,7 @@ class LiveMap:
         """Take in a tracked scan."""
         if tracked.revised is not None:
             self.revise(tracked.revised.poses)
-        if self._revised is not None and time.monotonic() >= self._next_redraw:
+        if self._revised is not None and self._redraws.is_due:
             self.redraw()
         pose = tracked.step.pose
         if np.isnan(pose).any():
@@ -85,14 +84,15 @@ class LiveMap:
         if not len(self._path) or _is_far(pose, np.array(self._path[-3:]), self._path_step, 1e9):
             self._path.extend(pose)
             self._path_indices.append(tracked.index)
-            if self.n_path > _MAX_PATH:
-                self._thin_path()
+            if self.n_path > _MAX_PATH:  # every second point is forgotten, and they are taken half as often from now on
+                self._path = array("d", np.array(self._path).reshape(-1, 3)[::2].tobytes())
+                self._path_indices = self._path_indices[::2]
+                self._path_step *= 2.0
+                self.path_version += 1
         if not tracked.step.is_matched and tracked.index > 0:
             return  # a guessed pose must not smear the map
         if self._mapped is None or _is_far(pose, self._mapped, _MOVED, _MOVED):
-            scan = tracked.scan
-            if tracked.is_deskewed:
-                scan = self._deskewer.deskewed(scan, moved)
+            scan = self._deskewer.deskewed(tracked.scan, moved) if tracked.is_deskewed else tracked.scan
             self._enter(scan, pose)
             self._mapped = pose
             if self._is_revisable:
@@ -123,13 +123,6 @@ class LiveMap:
         """Return the map so far."""
         return self._builder.grid()
 
-    def _thin_path(self) -> None:
-        """Forget every second point of the path, and take them half as often from now on."""
-        self._path = array("d", np.array(self._path).reshape(-1, 3)[::2].tobytes())
-        self._path_indices = self._path_indices[::2]
-        self._path_step *= 2.0
-        self.path_version += 1
-
     def _enter(self, scan: LaserScan, pose: Pose) -> None:
         if self.why_no_grid:
             return
@@ -149,22 +142,20 @@ class LiveMap:
 
     def redraw(self) -> None:
         """Draw map and path anew with the newest revised poses, if there are any that were not used yet."""
-        started = time.monotonic()
         poses, self._revised = self._revised, None
         if poses is None or not len(poses):
             return
-        self._builder = OccupancyBuilder(self._config)
-        kept, self._kept = self.kept(), {}
-        for index, scan in kept:
-            if index < len(poses):
-                self._enter(scan, poses[index])
-                self._kept[_cell(poses[index])] = index, scan
-        indices = np.minimum(np.array(self._path_indices, dtype=np.int64), len(poses) - 1)
-        self._path = array("d", np.ascontiguousarray(poses[indices]).tobytes())
-        self._before = self._mapped = None  # the last motion is not one between revised poses
-        self.path_version += 1
-        now = time.monotonic()
-        self._next_redraw = now + max(_REDRAW_PERIOD, (now - started) / _REDRAW_SHARE)
+        with self._redraws:
+            self._builder = OccupancyBuilder(self._config)
+            kept, self._kept = self.kept(), {}
+            for index, scan in kept:
+                if index < len(poses):
+                    self._enter(scan, poses[index])
+                    self._kept[_cell(poses[index])] = index, scan
+            indices = np.minimum(np.array(self._path_indices, dtype=np.int64), len(poses) - 1)
+            self._path = array("d", np.ascontiguousarray(poses[indices]).tobytes())
+            self._before = self._mapped = None  # the last motion is not one between revised poses
+            self.path_version += 1
 
 
 @dataclass(frozen=True)
@@ -189,22 +180,16 @@ def picture_of(grid: OccupancyGrid, version: int) -> MapPicture | None:
     pixels[..., 1] = np.where(grid.log_odds[::-1] == 0.0, 0, 255)
     x, y = grid.origin.tolist()
     n_rows, n_columns = probability.shape
-    return MapPicture(version, _png(pixels), (x, y), grid.resolution, (n_rows, n_columns))
+    file = BytesIO()
+    Image.fromarray(pixels).save(file, "png", compress_level=1)
+    return MapPicture(version, file.getvalue(), (x, y), grid.resolution, (n_rows, n_columns))
 
 
-def _png(pixels: NDArray[np.uint8]) -> bytes:
-    """Return (n_rows, n_columns, 2) grey and alpha as a PNG (ISO/IEC 15948: colour type 4, no filter)."""
-    n_rows, n_columns, _ = pixels.shape
-    rows = np.concatenate([np.zeros((n_rows, 1), dtype=np.uint8), pixels.reshape(n_rows, -1)], axis=1)
-    header = struct.pack(">IIBBBBB", n_columns, n_rows, 8, 4, 0, 0, 0)
-    chunks: Sequence[tuple[bytes, bytes]] = (
-        (b"IHDR", header),
-        (b"IDAT", zlib.compress(rows.tobytes(), 1)),
-        (b"IEND", b""),
-    )
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
-    )
+def map_file(slam_map: SlamMap) -> bytes:
+    """Return a map as the bytes of its file."""
+    with tempfile.TemporaryDirectory() as folder:
+        slam_map.save(path := Path(folder) / "map.csmap")
+        return path.read_bytes()
 
 
 def _cell(pose: Pose) -> tuple[int, int, int]:

@@ -59,8 +59,20 @@ def run_live(
     lossless = not source.is_live if is_lossless is None else is_lossless
     queue: BoundedQueue[tuple[LaserScan, float]] = BoundedQueue(_CAPACITY, is_lossless=lossless)
     recorder, latencies, n_closures = Recorder(), array("f"), 0
+    fault: list[CurvescanError] = []
+
+    def read() -> None:
+        try:
+            for scan in source.scans():
+                if not queue.put((scan, time.monotonic())):
+                    return
+        except CurvescanError as error:
+            fault.append(error)
+        finally:
+            queue.close()
+
     with source, stoppable() as stop:
-        reader = _Reader(source, queue)
+        threading.Thread(target=read, name="scan source", daemon=True).start()
         try:
             while (item := queue.get(_POLL)) is not None or not queue.is_closed:
                 if stop.is_asked:
@@ -84,7 +96,7 @@ def run_live(
         n_closures=n_closures,
         latencies=np.asarray(latencies),
         is_interrupted=stop.is_asked,
-        error=reader.error,
+        error=fault[0] if fault else None,
     )
 
 
@@ -97,22 +109,3 @@ def finish(report: LiveReport, tracker: Tracker, sinks: Sequence[MapSink]) -> Li
     for sink in sinks:
         sink.finish_with(record.trajectory.poses)
     return replace(report, record=record)
-
-
-class _Reader:
-    """Reads a source in a thread of its own."""
-
-    def __init__(self, source: ScanSource, queue: BoundedQueue[tuple[LaserScan, float]]) -> None:
-        self.error: CurvescanError | None = None
-        self._source, self._queue = source, queue
-        threading.Thread(target=self._read, name="scan source", daemon=True).start()
-
-    def _read(self) -> None:
-        try:
-            for scan in self._source.scans():
-                if not self._queue.put((scan, time.monotonic())):
-                    return
-        except CurvescanError as error:
-            self.error = error
-        finally:
-            self._queue.close()

@@ -65,7 +65,7 @@ class ResultsSink(MapSink):
             occupancy=self._occupancy,
             maps=maps,
             command=tuple(command),
-            details={"live": {"mode": self.mode, **record_of(report)}},
+            details={"live": {"mode": self.mode, **_how_it_went(report)}},
         )
         save_run(folder, run)
         return tuple(sorted(path.name for path in folder.iterdir()))
@@ -104,7 +104,7 @@ class _Passed(ScanAccess):
         return iter(())
 
 
-def record_of(report: LiveReport) -> dict[str, object]:
+def _how_it_went(report: LiveReport) -> dict[str, object]:
     """Return the part of run.json that tells how a live run went: scans, drops, times."""
     return {
         "scans": report.n_scans,

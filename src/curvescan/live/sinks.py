@@ -2,14 +2,13 @@
 
 import threading
 from collections import deque
-from collections.abc import Sequence
 from typing import Generic, Literal, Protocol, TypedDict, TypeVar, Unpack, runtime_checkable
 
 from curvescan.errors import CurvescanError, require
 from curvescan.live.live_map import LiveMap
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.scan import LaserScan
+from curvescan.slam import SlamMap
 from curvescan.types import Pose
 
 T = TypeVar("T")
@@ -23,18 +22,8 @@ class BoundedQueue(Generic[T]):
         self._items: deque[T] = deque()
         self._capacity, self._is_lossless = capacity, is_lossless
         self._changed = threading.Condition()
-        self._is_closed = False
-        self._n_dropped = 0
-
-    @property
-    def n_dropped(self) -> int:
-        """Items that were dropped for want of room."""
-        return self._n_dropped
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether nothing more is taken in."""
-        return self._is_closed
+        self.is_closed = False  # whether nothing more is taken in
+        self.n_dropped = 0  # items that were dropped for want of room
 
     def __len__(self) -> int:
         return len(self._items)
@@ -42,13 +31,13 @@ class BoundedQueue(Generic[T]):
     def put(self, item: T) -> bool:
         """Append an item and return True; False when the queue is closed."""
         with self._changed:
-            while self._is_lossless and len(self._items) >= self._capacity and not self._is_closed:
+            while self._is_lossless and len(self._items) >= self._capacity and not self.is_closed:
                 self._changed.wait()
-            if self._is_closed:
+            if self.is_closed:
                 return False
             if len(self._items) >= self._capacity:
                 self._items.popleft()
-                self._n_dropped += 1
+                self.n_dropped += 1
             self._items.append(item)
             self._changed.notify_all()
             return True
@@ -56,8 +45,7 @@ class BoundedQueue(Generic[T]):
     def get(self, timeout: float | None = None) -> T | None:
         """Return the oldest item; None when the queue is closed and empty, or nothing came within `timeout` seconds."""
         with self._changed:
-            if not self._changed.wait_for(lambda: self._items or self._is_closed, timeout):
-                return None
+            self._changed.wait_for(lambda: self._items or self.is_closed, timeout)
             if not self._items:
                 return None
             item = self._items.popleft()
@@ -67,17 +55,8 @@ class BoundedQueue(Generic[T]):
     def close(self) -> None:
         """Take in nothing more; what is held can still be had."""
         with self._changed:
-            self._is_closed = True
+            self.is_closed = True
             self._changed.notify_all()
-
-
-class SavedMap(Protocol):
-    """What is drawn of a :class:`curvescan.SlamMap`."""
-
-    @property
-    def scans(self) -> Sequence[LaserScan]: ...  # noqa: D102
-    @property
-    def poses(self) -> Pose: ...  # noqa: D102
 
 
 @runtime_checkable
@@ -136,7 +115,7 @@ class MapOptions(TypedDict, total=False):
 
     mode: Literal["odometry", "SLAM", "localization"]
     occupancy: OccupancyConfig | None  # how the map is made
-    saved_map: SavedMap | None  # what is localized in, drawn from the beginning
+    saved_map: SlamMap | None  # what is localized in, drawn from the beginning
     is_lossless: bool  # whether the tracker waits, so that no scan is missing
 
 

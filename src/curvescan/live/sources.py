@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import threading
 import time
@@ -22,7 +23,7 @@ from curvescan.simulation.sensing.sensors import Sensor, choose_sensor
 
 if TYPE_CHECKING:
     from curvescan.io.log import Log
-    from curvescan.types import Floats, Pose
+    from curvescan.types import Pose
 
 _LONGEST_PAUSE = 2.0  # a leap of a log's stamps is replayed as a pause of this length at most, seconds
 
@@ -55,14 +56,14 @@ class ScanSource(Protocol):
         """Yield the scans as they come."""
 
 
-_PAUSED = 0.05
-"""Seconds between two looks whether a pause has ended."""
+_PAUSED = 0.05  # seconds between two looks whether a pause has ended
 
 
 class Paced:
     """A source that we make ourselves, by `_made`, at the pace of its stamps; it can be paused and hurried on."""
 
     is_live = False
+    n_scans = 0  # scans of a log; 0 of a source that makes them
 
     def __init__(self, speed: float) -> None:
         self.speed = speed
@@ -90,18 +91,14 @@ class Paced:
         """Return the first scan, without taking it; None of a source that has none."""
         return next(self._made(), None)
 
-    def scans(self) -> Iterator[LaserScan]:
-        """Yield the scans in their order, at the chosen speed."""
-        return self._at_their_time(self._made())
-
     def _made(self) -> Iterator[LaserScan]:
         """Yield the scans, each as soon as it is asked for."""
         raise NotImplementedError
 
-    def _at_their_time(self, scans: Iterator[LaserScan]) -> Iterator[LaserScan]:
-        """Yield scans at the pace of their stamps, which may repeat or go back; ends when the source is closed."""
+    def scans(self) -> Iterator[LaserScan]:
+        """Yield the scans at the pace of their stamps, which may repeat or go back; ends when the source is closed."""
         due, before = time.monotonic(), math.nan
-        for k, scan in enumerate(scans):
+        for k, scan in enumerate(self._made()):
             while self.is_paused and k >= self.skip_to and not self._closed.wait(_PAUSED):
                 due = time.monotonic()
             step, before = scan.stamp - before, scan.stamp
@@ -138,17 +135,7 @@ class LogSource(Paced):
 
     def __init__(self, log: Log, *, speed: float = 1.0) -> None:
         super().__init__(speed)
-        self.log = log
-
-    @property
-    def name(self) -> str:
-        """Name of the log."""
-        return self.log.name
-
-    @property
-    def n_scans(self) -> int:
-        """Scans of the log."""
-        return len(self.log)
+        self.log, self.name, self.n_scans = log, log.name, len(log)
 
     def _made(self) -> Iterator[LaserScan]:
         return iter(self.log)
@@ -176,12 +163,8 @@ class SimulatedSource(Paced):
         require(n_people >= 0, "n_people must be >= 0", n_people)
         self.sensor = choose_sensor(sensor)
         self.world = build_world(world, child(seed, WORLD))
+        self.name = f"simulated {self.world.name} (seed {seed})"
         self._n_scans, self._n_people, self._seed = n_scans, n_people, seed
-
-    @property
-    def name(self) -> str:
-        """Name of the world and the seed."""
-        return f"simulated {self.world.name} (seed {self._seed})"
 
     def lap(self) -> Pose:
         """Return the (n, 3) true poses of one lap, world frame; the last neighbours the first."""
@@ -192,12 +175,8 @@ class SimulatedSource(Paced):
         from curvescan.simulation.recording import as_scan, observe
 
         lap, period = self.lap(), self.sensor.period
-        seed = child(self._seed, PEOPLE)
-        people: Floats = walk(self.world, lap, self._n_people, People(), period, seed)
-        k = 0
-        while self._n_scans is None or k < self._n_scans:
-            i = k % len(lap)
-            noise = child(self._seed, NOISE, k)
-            ranges, _, _ = observe(self.world, lap[i : i + 1], self.sensor, people[i : i + 1], noise)
+        people = walk(self.world, lap, self._n_people, People(), period, child(self._seed, PEOPLE))
+        for k in itertools.count() if self._n_scans is None else range(self._n_scans):
+            now = slice(k % len(lap), k % len(lap) + 1)
+            ranges, _, _ = observe(self.world, lap[now], self.sensor, people[now], child(self._seed, NOISE, k))
             yield as_scan(ranges[0], self.sensor, k * period)
-            k += 1

@@ -1,21 +1,44 @@
 """Tracker: one verb for odometry, SLAM and localization, and what a sink gets of each scan."""
 
+import math
 import threading
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 from curvescan.deskew import middle_of_sweep
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Step
 from curvescan.odometry.run import pose_at
 from curvescan.scan import LaserScan
-from curvescan.slam import Closure, Slam
+from curvescan.slam import Slam
 from curvescan.slam.run import Engine, is_deskewed
 from curvescan.types import Pose
 
-_REVISION_PERIOD, _REVISION_SHARE = 1.0, 0.05
-"""Revised poses are handed on at most every so many seconds, and in at most this share of the time."""
+
+class Pace:
+    """When slow work may be done again: at most every `period` seconds, and in at most a `share` of the time."""
+
+    def __init__(self, period: float, share: float = 1.0) -> None:
+        self._period, self._share = period, share
+        self._started = self._next = -math.inf
+
+    @property
+    def is_due(self) -> bool:
+        """Whether the work may be done now, in a context of this."""
+        return time.monotonic() >= self._next
+
+    def hurry(self) -> None:
+        """Let it be done at once."""
+        self._next = -math.inf
+
+    def __enter__(self) -> Self:
+        self._started = time.monotonic()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        took = time.monotonic() - self._started
+        self._next = self._started + max(self._period, took / self._share)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,15 +71,11 @@ class Tracker:
         self.engine = engine
         self.lock = threading.Lock()  # the engine belongs to who holds it
         self._odometry_poses = odometry_poses
+        self.has_prior = odometry_poses is not None  # whether the wheels of a replayed log are used
         self._n_scans = 0
         self._is_deskewed = is_deskewed(engine)
         self._scan_of_keyframe: dict[int, int] = {}
-        self._is_revised, self._next_revision = False, 0.0
-
-    @property
-    def has_prior(self) -> bool:
-        """Whether the wheels of a replayed log are used."""
-        return self._odometry_poses is not None
+        self._is_revised, self._revisions = False, Pace(1.0, 0.05)
 
     def add(
         self, scan: LaserScan, *, received: float | None = None, n_dropped: int = 0, odometry_pose: Pose | None = None
@@ -73,13 +92,14 @@ class Tracker:
         with self.lock:
             step = self.engine.add(scan, odometry_pose)
         seconds = time.perf_counter() - started
-        self._scan_of_keyframe.setdefault(step.keyframe, self._n_scans)
+        scan_of = self._scan_of_keyframe
+        scan_of.setdefault(step.keyframe, self._n_scans)
         self._is_revised |= step.is_revised
         tracked = TrackedScan(
             index=self._n_scans,
             scan=scan,
             step=step,
-            closures=self._joined(step.closures),
+            closures=tuple((scan_of.get(c.i, self._n_scans), scan_of.get(c.j, self._n_scans)) for c in step.closures),
             revised=self._revision(),
             is_deskewed=self._is_deskewed,
             seconds=seconds,
@@ -92,16 +112,8 @@ class Tracker:
 
     def _revision(self) -> Trajectory | None:
         """Return all poses so far where they have changed and it is time; else None."""
-        started = time.monotonic()
-        if not isinstance(self.engine, Slam) or not self._is_revised or started < self._next_revision:
+        if not isinstance(self.engine, Slam) or not self._is_revised or not self._revisions.is_due:
             return None
-        trajectory = self.engine.trajectory()
-        now = time.monotonic()
-        self._next_revision = now + max(_REVISION_PERIOD, (now - started) / _REVISION_SHARE)
         self._is_revised = False
-        return trajectory
-
-    def _joined(self, closures: Sequence[Closure]) -> tuple[tuple[int, int], ...]:
-        """Return the scans that became the keyframes which loop closures join."""
-        scan_of, now = self._scan_of_keyframe, self._n_scans
-        return tuple((scan_of.get(c.i, now), scan_of.get(c.j, now)) for c in closures)
+        with self._revisions:
+            return self.engine.trajectory()

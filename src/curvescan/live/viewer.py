@@ -10,31 +10,27 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import tempfile
 import threading
 import time
 from array import array
 from collections import deque
 from collections.abc import Iterator, Mapping
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any, Unpack
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, MapTooLargeError, require
-from curvescan.live.live_map import MapPicture, picture_of, status_of
+from curvescan.live.live_map import MapPicture, map_file, picture_of, status_of
 from curvescan.live.server import Content, Event
 from curvescan.live.sinks import MapOptions, MapSink
 from curvescan.live.sources import Paced
-from curvescan.live.tracker import TrackedScan, Tracker
+from curvescan.live.tracker import Pace, TrackedScan, Tracker
 from curvescan.mapping.occupancy import OccupancyBuilder
 from curvescan.scan import LaserScan
 from curvescan.slam import Slam
 from curvescan.types import Floats, Pose
-
-_PICTURE_PERIOD, _PICTURE_SHARE = 0.4, 0.1
-"""The map is drawn as a picture at most every so many seconds, and in at most this share of the time."""
 
 _SEND_PERIOD = 0.025  # least time between two scans sent to a browser, seconds
 
@@ -60,7 +56,7 @@ class Viewer(MapSink):
         self._status = {"kind": "loading", "text": "loading"}
         self._occupancy = options.get("occupancy")
         self._picture: MapPicture | None = None
-        self._next_picture = 0.0
+        self._pictures = Pace(0.4, 0.1)
         self._closures: deque[tuple[int, int]] = deque(maxlen=_MAX_CLOSURES)
         self._n_closures = 0
         self._recent: deque[float] = deque(maxlen=200)
@@ -125,9 +121,7 @@ class Viewer(MapSink):
             raise InvalidArgumentError("there is no map to save: SLAM makes one, once it has begun")
         with self._tracker.lock:
             slam_map = engine.map
-        with tempfile.TemporaryDirectory() as folder:
-            slam_map.save(path := Path(folder) / "map.csmap")
-            return path.read_bytes()
+        return map_file(slam_map)
 
     def stop(self) -> None:
         """End the streams of all browsers."""
@@ -141,9 +135,10 @@ class Viewer(MapSink):
         The path and the map come first, then scans as they come, the newest when the browser is slower.
         """
         seen = _Seen()
-        replay = self._replay
-        now = {} if replay is None else {"pace": {"speed": replay.speed, "is_paused": replay.is_paused}}
-        yield "about", self._about | now | {"n_scans": getattr(replay, "n_scans", 0)}
+        now: dict[str, Any] = {"n_scans": 0}
+        if (replay := self._replay) is not None:
+            now = {"pace": {"speed": replay.speed, "is_paused": replay.is_paused}, "n_scans": replay.n_scans}
+        yield "about", self._about | now
         while True:
             with self._changed:
                 is_new = self._changed.wait_for(lambda: self._is_over or self._n_events != seen.n_events, _HEARTBEAT)
@@ -178,7 +173,8 @@ class Viewer(MapSink):
         closures = (self._map.path_version, self._n_closures)
         if closures != seen.closures:
             seen.closures = closures
-            yield "closures", {"lines": self._closure_lines()}
+            # x, y of both ends of each on the path, metres
+            yield "closures", {"lines": np.round(self._map.places(self._closures), 3).ravel().tolist()}
         if self._scan_event is not None and self._scan_event is not seen.scan_event:
             if seen.scan_event is None:  # the last one of them comes with the scan
                 yield "times", {"ms": [round(ms, 3) for ms in self._times[-_N_TIMES:-1]]}
@@ -193,7 +189,7 @@ class Viewer(MapSink):
             self._closures += tracked.closures
             self._n_closures += len(tracked.closures)
             self._scan_event, self._times = event, tuple(self._recent)
-        if time.monotonic() >= self._next_picture:
+        if self._pictures.is_due:
             self._draw()
 
     def _add_wheels(self, tracked: TrackedScan) -> None:
@@ -213,18 +209,16 @@ class Viewer(MapSink):
                 now: dict[str, Any] = {"pose": [round(v, 5) for v in pose.tolist()]}
                 if self._tracker is not None and isinstance(self._tracker.engine, Slam):
                     # some lost their weight on the way, others joined keyframes that have gone
-                    now["n_closures"] = self._tracker.engine.backend.count_matches()[0]
+                    now["n_closures"] = self._tracker.engine.count_matches()[0]
                 self._scan_event = self._scan_event | now
         self._draw()
 
     def _draw(self) -> None:
         """Make a picture of the map; the grid belongs to this thread alone."""
-        started = time.monotonic()
         version = self._map.version
-        if self._picture is None or self._picture.version != version:
-            self._show(picture_of(self._map.grid(), version))
-        took = time.monotonic() - started
-        self._next_picture = started + max(_PICTURE_PERIOD, took / _PICTURE_SHARE)
+        with self._pictures:
+            if self._picture is None or self._picture.version != version:
+                self._show(picture_of(self._map.grid(), version))
 
     def _show(self, picture: MapPicture | None) -> None:
         with self._telling():
@@ -249,9 +243,13 @@ class Viewer(MapSink):
         self._stamps.append(tracked.scan.stamp)
         self._n_lost += not tracked.step.is_matched and tracked.index > 0
         match, c = tracked.step.match, tracked.step.covariance
-        degenerate = is_degenerate(match)
+        degenerate = match is not None and match.degenerate_direction is not None
         tone, word = status_of(tracked.step.outcome.name.lower(), is_degenerate=degenerate)
+        points = tracked.scan.points[tracked.scan.valid]
+        points = points[:: 1 + len(points) // _N_POINTS]
         recent: Floats = np.array(self._recent)
+        steps = np.diff(np.array(self._stamps))
+        steps = steps[steps > 0.0]
         return {
             "index": tracked.index,
             "stamp": tracked.scan.stamp,
@@ -267,47 +265,26 @@ class Viewer(MapSink):
             "ms": round(1e3 * tracked.seconds, 3),
             "ms_median": round(float(np.median(recent)), 3),
             "ms_max": round(float(recent.max()), 3),
-            "rate": _rate(self._stamps),
+            "rate": round(float(1.0 / np.median(steps)), 1) if steps.size else None,
             "n_lost": self._n_lost,
             "n_dropped": tracked.n_dropped,
             "n_closures": self._n_closures + len(tracked.closures),
             "length": round(self._length_m, 2),
             "received": tracked.received,
-            "points": _millimetres(tracked),
+            # x, y of some of them, millimetres, one after the other
+            "points": np.rint(1e3 * points.clip(-1e6, 1e6)).astype(np.int64).ravel().tolist(),
         }
 
-    def _closure_lines(self) -> list[float]:
-        """Return x, y of both ends of each closure on the path, one after the other, metres."""
-        return np.round(self._map.places(self._closures), 3).ravel().tolist()
 
-
+@dataclass
 class _Seen:
     """What a browser has been sent."""
 
-    def __init__(self) -> None:
-        self.n_events = -1
-        self.status: dict[str, str] | None = None
-        self.path_version, self.n_path = -1, 0
-        self.picture = -1
-        self.n_wheels = 0
-        self.closures = (0, 0)
-        self.scan_event: dict[str, Any] | None = None
-
-
-def is_degenerate(match: Any) -> bool:
-    """Return whether a direction of the pose is unobservable in a match."""
-    return getattr(match, "degenerate_direction", None) is not None
-
-
-def _millimetres(tracked: TrackedScan) -> list[int]:
-    """Return x, y of the valid readings in the sensor's frame, millimetres, one after the other."""
-    scan = tracked.scan
-    points = scan.points[scan.valid]
-    points = points[:: 1 + len(points) // _N_POINTS]
-    return np.rint(1e3 * points.clip(-1e6, 1e6)).astype(np.int64).ravel().tolist()
-
-
-def _rate(stamps: deque[float]) -> float | None:
-    steps = np.diff(np.array(stamps))
-    steps = steps[steps > 0.0]
-    return round(float(1.0 / np.median(steps)), 1) if steps.size else None
+    n_events: int = -1
+    status: dict[str, str] | None = None
+    path_version: int = -1
+    n_path: int = 0
+    picture: int = -1
+    n_wheels: int = 0
+    closures: tuple[int, int] = (0, 0)
+    scan_event: dict[str, Any] | None = None

@@ -66,16 +66,14 @@ def _was_free(current: LaserScan, earlier: LaserScan, pose: Pose) -> Bools:
     """Return (n_beams,) whether the earlier scan looked through the place of each reading."""
     if len(earlier) < 2:
         return np.zeros(len(current), dtype=np.bool_)
+    reach = _reach(earlier)
     if earlier.has_uniform_angles:
         layout = earlier.angle_min, earlier.angle_increment
-        return _is_passed(current.points, current.valid, pose, _reach(earlier), *layout, MARGIN)
+        return _is_passed(current.points, current.valid, pose, reach, *layout, MARGIN)
     x, y = se2.transform(pose, current.points).T
     left, is_seen = _beam_before(earlier, np.arctan2(y, x))
-    is_seen &= current.valid
-    reach = _reach(earlier)
     is_nearer = np.minimum(reach[left], reach[left + 1]) > np.hypot(x, y) + MARGIN
-    was_free: Bools = is_seen & is_nearer
-    return was_free
+    return np.asarray(is_seen & current.valid & is_nearer)
 
 
 @kernel

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, MissingPackageError, OutputError
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.grid_editing import moved
 from curvescan.mapping.occupancy import OccupancyGrid
@@ -113,10 +113,8 @@ def _pixels(path: Path) -> NDArray[np.uint8]:
     data = path.read_bytes()
     header = re.match(rb"P5\s+(?:#[^\n]*\s+)*(\d+)\s+(\d+)\s+(\d+)\s", data)
     if header is None or int(header[3]) != 255:
-        try:
-            from PIL import Image, UnidentifiedImageError
-        except ImportError:
-            raise MissingPackageError("a map as PNG needs Pillow: pip install pillow; or save it as PGM") from None
+        from PIL import Image, UnidentifiedImageError  # a map is read as PGM, mostly
+
         try:
             with Image.open(path) as picture:
                 return np.asarray(np.asarray(picture.convert("RGB")).mean(axis=2), dtype=np.uint8)

@@ -137,7 +137,8 @@ class OccupancyBuilder:
             raise InvalidArgumentError(f"pose must be three numbers [x, y, theta], got {pose!r:.80}") from None
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
             return
-        is_fully_observed = self._is_clear(scan)
+        sees_free = self.config.clear_no_return and math.isfinite(scan.range_max)
+        is_fully_observed = np.isposinf(scan.ranges) & sees_free
         used = np.flatnonzero(scan.valid | is_fully_observed)
         reach = np.where(scan.valid, scan.ranges, scan.range_max)[used]
         is_hit = (scan.valid if ignored is None else scan.valid & ~ignored)[used]
@@ -150,16 +151,9 @@ class OccupancyBuilder:
         low, high = ends.min(axis=0, initial=np.inf), ends.max(axis=0, initial=-np.inf)
         self._cover(np.floor(np.minimum(low, start)), np.floor(np.maximum(high, start)) + 1.0)
         self._n_scans += 1
-        mark_scan(
-            self._log_odds,
-            self._marks,
-            self._n_scans,
-            start - self._corner,
-            ends - self._corner,
-            is_hit,
-            is_fully_observed[used],
-            self._steps,
-        )
+        places = start - self._corner, ends - self._corner
+        grids = self._log_odds, self._marks, self._n_scans
+        mark_scan(*grids, *places, is_hit, is_fully_observed[used], self._steps)
 
     def grid(self) -> OccupancyGrid:
         """Return the map so far, cut to the cells that were seen; without any it has no cells."""
@@ -170,11 +164,6 @@ class OccupancyBuilder:
         seen = log_odds[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].copy()
         corner = self._first + np.array([columns[0], rows[0]])
         return OccupancyGrid(log_odds=seen, origin=corner * self.config.resolution, config=self.config)
-
-    def _is_clear(self, scan: LaserScan) -> Bools:
-        if not self.config.clear_no_return or not math.isfinite(scan.range_max):
-            return np.zeros(len(scan), dtype=np.bool_)
-        return np.isposinf(scan.ranges)
 
     def _part(self, cells: NDArray[Any]) -> NDArray[Any]:
         """Return the part of the grid that scans have reached."""

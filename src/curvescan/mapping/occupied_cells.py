@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import require
 from curvescan.scan import LaserScan
 from curvescan.types import Ints, Points, Pose
 
@@ -27,8 +27,7 @@ class OccupiedCells:
     """Cells of a square grid that points fell into, column and row in one integer; memory follows the area."""
 
     def __init__(self, cell: float) -> None:
-        if not cell > 0.0:
-            raise InvalidArgumentError(f"cell must be > 0 m, got {cell}")
+        require(cell > 0.0, "cell must be > 0 m", cell)
         self._cell = cell
         self._cells: Ints = np.empty(0, dtype=np.int64)
         self._waiting: list[Points] = []
@@ -36,8 +35,6 @@ class OccupiedCells:
 
     def add(self, points: Points) -> None:
         """Take in (n, 2) points, metres."""
-        if not len(points):
-            return
         self._waiting.append(points)
         self._n_waiting += len(points)
         if self._n_waiting > _BATCH:

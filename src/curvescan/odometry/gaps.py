@@ -1,8 +1,8 @@
 """Gaps: scans that nothing places, how a later match bridges them, and when the track is lost.
 
-The expected motion carries a track over a few scans. If none of them matches what was known before, nothing says any
-more that they are near it: the sensor may have been carried away. The track then starts anew, its place in the old one
-unknown.
+The expected motion carries a track over a few scans. Each is matched with what was in use before the failure, and says
+how likely it is that the sensor is still near there. If it is not, it has been carried away: the track starts anew, its
+place in the old one unknown.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from curvescan.matchers import MatchResult
 from curvescan.odometry.gating import SURE, GatedMatch, gate
 from curvescan.odometry.keyframes import Keyframe, Localization
 from curvescan.odometry.motion_model import LONGEST_STEP
@@ -28,79 +27,44 @@ there; but it scores no more."""
 _NEAR_M, _NEAR_RAD = 0.5, 0.5
 """Expected motion, metres and radians, from which on a view may change so much by itself."""
 
+_CERTAIN = 3.5
+"""Log odds (0.97) at which a gap is closed, and the most that one match gives: scans of one place err alike."""
+
 LOST_COVARIANCE = np.diag([LONGEST_STEP**2, LONGEST_STEP**2, math.pi**2])
 """Covariance of a motion of which nothing is known: a kilometre, half a turn."""
 LOST_COVARIANCE.setflags(write=False)
 
 
-def open_gap(o: Observation, last: Localization) -> Gap | None:
-    """Return the gap that a scan without a match is in."""
-    gap, config = o.state.gap, o.config.keyframes
-    if gap is not None or config.max_gap == 0:
-        return gap
-    before: list[Keyframe] = []
-    if o.matching.as_reference(last.keyframe.scan) is not None:
-        before.append(last.keyframe)
-    previous = o.state.previous
-    if previous is not None and previous is not last.keyframe.scan:
-        before.insert(0, last.as_keyframe(previous, o.index - 1, config.variance_retained))
-    return Gap(before=tuple(before), n_scans=0, first=o.index) if before else None
-
-
-def close_gap(o: Observation, placement: Placement) -> Placement | None:
-    """Return the placement of a scan by a match with what was in use before the gap; None where there is none."""
-    config, gap, tracked = o.config, placement.gap, placement.match
-    if gap is None or (gap.is_questioned and tracked is None):
+def open_gap(o: Observation, last: Localization, log_odds: float = 0.0) -> Gap | None:
+    """Return the gap that begins with a scan that nothing shows surely; None where nothing could bridge it."""
+    config, keyframe, previous = o.config.keyframes, last.keyframe, o.state.previous
+    if config.max_gap == 0:
         return None
-    for keyframe in gap.before:
-        expected = placement.localization.relative_to(keyframe)
-        if gap.is_questioned:  # it is known as little as the link
-            cov = expected.cov + config.motion.recovery_covariance
-            expected = UncertainPose(expected.pose, cov)
-        result = o.matching.matcher.match(keyframe.scan.features, placement.current.features, expected)
-        gated = gate(result, expected, config.motion)
-        if not _joins(gated, config.keyframes.least_score, tracked if gap.is_questioned else None):
-            continue
-        localization = Localization(
-            keyframe=keyframe, pose_keyframe_scan=gated.pose_keyframe_scan, is_measured=gated.is_fully_observed
-        )
-        joined = replace(
-            placement,
-            outcome=StepOutcome.RELOCALIZED,
-            localization=localization,
-            gap=None,
-            match=result,
-            reference=keyframe.index,
-        )
-        return with_keyframe(o, joined)
-    return None
+    before = [k for k in (keyframe, o.state.older) if k is not None and o.matching.as_reference(k.scan) is not None]
+    if previous is not None and previous is not keyframe.scan:
+        before.insert(0, last.as_keyframe(previous, o.index - 1, config.variance_retained))
+    return Gap(before=tuple(before[:2]), n_scans=1, first=o.index, log_odds=log_odds) if before else None
 
 
-def widen_gap(o: Observation, placement: Placement) -> Placement:
-    """Return the placement of one more scan in a gap: as it is, or LOST where the gap has become too wide."""
-    gap, config = placement.gap, o.config.keyframes
+def settle_gap(o: Observation, placement: Placement, *, is_counted: bool = True) -> Placement:
+    """Return the placement of one more scan in a gap: RELOCALIZED, LOST, or as it is while neither is likely enough."""
+    gap = placement.gap
     if gap is None:
         return placement
-    n_scans = gap.n_scans + 1
-    if n_scans <= config.max_gap:
-        return replace(placement, gap=replace(gap, n_scans=n_scans))
+    found, keyframe = _best_match(o, placement, gap)
+    log_odds = gap.log_odds + (0.0 if found is None else _log_odds(found.result.confidence))
+    if found is not None and log_odds >= _CERTAIN:
+        joined = Localization(
+            keyframe=keyframe, pose_keyframe_scan=found.pose_keyframe_scan, is_measured=found.is_fully_observed
+        )
+        placement = replace(placement, outcome=StepOutcome.RELOCALIZED, localization=joined, gap=None)
+        return with_keyframe(o, replace(placement, match=found.result, reference=keyframe.index))
+    n_scans = gap.n_scans + is_counted
+    if n_scans <= o.config.keyframes.max_gap:
+        return replace(placement, gap=replace(gap, n_scans=n_scans, log_odds=log_odds))
     if o.prediction.is_measured:  # wheels carried the track
         return replace(placement, gap=None)
-    here, motion = placement.localization.pose_keyframe_scan, placement.step_motion
-    keyframe = placement.localization.keyframe
-    if keyframe.index < gap.first:
-        here = UncertainPose(here.pose, here.cov + LOST_COVARIANCE)
-    else:  # it is of the new track, and is disconnected with it
-        pose, cov = keyframe.pose_map_keyframe
-        keyframe = replace(keyframe, pose_map_keyframe=UncertainPose(pose, cov + LOST_COVARIANCE))
-    lost = replace(
-        placement,
-        outcome=StepOutcome.LOST,
-        localization=Localization(keyframe=keyframe, pose_keyframe_scan=here),
-        step_motion=UncertainPose(motion.pose, motion.cov + LOST_COVARIANCE),
-        gap=None,
-    )
-    return lost
+    return with_keyframe(o, _lost(placement, gap))
 
 
 def question_link(o: Observation, placement: Placement, last: Localization) -> Placement | None:
@@ -110,18 +74,15 @@ def question_link(o: Observation, placement: Placement, last: Localization) -> P
     carried away.
     """
     result, config = placement.match, o.config.keyframes
-    if result is None or placement.gap is not None or config.max_gap == 0:
+    if result is None or placement.gap is not None:
         return None
     x, y, theta = o.expected.pose.tolist()
     is_near = math.hypot(x, y) < _NEAR_M and abs(theta) < _NEAR_RAD
     is_doubtful = result.confidence < SURE or result.score < config.least_score
     if not (is_near and is_doubtful and result.score < _SHARE * o.state.score):
         return None
-    gap = open_gap(o, last)
-    if gap is None:
-        return None
-    questioned = replace(placement, gap=replace(gap, is_questioned=True))
-    return with_keyframe(o, widen_gap(o, questioned))
+    gap = open_gap(o, last, _log_odds(result.confidence))
+    return None if gap is None else with_keyframe(o, replace(placement, gap=gap))
 
 
 def with_keyframe(o: Observation, placement: Placement) -> Placement:
@@ -131,11 +92,39 @@ def with_keyframe(o: Observation, placement: Placement) -> Placement:
     return replace(placement, localization=Localization(keyframe=keyframe, pose_keyframe_scan=identity()))
 
 
-def _joins(gated: GatedMatch, least_score: float, tracked: MatchResult | None) -> bool:
-    """Return whether a match with a reference from before a gap bridges it; tracked: the questioned match."""
-    result = gated.result
-    if not (result.ok and gated.is_plausible) or result.score < least_score:
-        return False
-    if tracked is not None:
-        return not result.score < _SHARE * tracked.score
-    return math.isnan(result.confidence) or result.confidence >= SURE
+def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMatch | None, Keyframe]:
+    """Return the surest match with what was in use before a gap, within what a sensor moves unseen, and with what."""
+    best, keyframe = None, gap.before[0]
+    for one in gap.before:
+        expected = placement.localization.relative_to(one)
+        expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
+        result = o.matching.matcher.match(one.scan.features, placement.current.features, expected)
+        gated = gate(result, expected, o.config.motion)
+        if gated.is_plausible and (best is None or result.confidence > best.result.confidence):
+            best, keyframe = gated, one
+    return best, keyframe
+
+
+def _lost(placement: Placement, gap: Gap) -> Placement:
+    """Return the placement as the begin of a new track: how it lies to the old one is unknown."""
+    here, motion = placement.localization.pose_keyframe_scan, placement.step_motion
+    keyframe = placement.localization.keyframe
+    if keyframe.index < gap.first:
+        here = UncertainPose(here.pose, here.cov + LOST_COVARIANCE)
+    else:  # it is of the new track, and is disconnected with it
+        pose, cov = keyframe.pose_map_keyframe
+        keyframe = replace(keyframe, pose_map_keyframe=UncertainPose(pose, cov + LOST_COVARIANCE))
+    return replace(
+        placement,
+        outcome=StepOutcome.LOST,
+        localization=Localization(keyframe=keyframe, pose_keyframe_scan=here),
+        step_motion=UncertainPose(motion.pose, motion.cov + LOST_COVARIANCE),
+        gap=None,
+    )
+
+
+def _log_odds(confidence: float) -> float:
+    """Return the log odds of a match, within +-_CERTAIN; of a matcher that gives no confidence the greatest."""
+    if not 0.0 < confidence < 1.0:  # 1 is rounded, 0 is no match
+        return -_CERTAIN if confidence == 0.0 else _CERTAIN
+    return max(min(math.log(confidence / (1.0 - confidence)), _CERTAIN), -_CERTAIN)

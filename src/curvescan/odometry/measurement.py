@@ -23,8 +23,6 @@ _NEAR = 0.3
 """Metres along an open direction from which on a pose was compared where the sensor is not: so far from there the
 expectation may be."""
 
-_MAX_LOG_ODDS = 60  # beyond it a probability is 0 or 1
-
 _VAGUE_SIGMA = 0.08
 """Standard deviation of what is expected along a degenerate direction from which on the scans are matched without a
 guess, metres: below it they say nothing new, and what they say again and again of one keyframe errs alike."""
@@ -86,7 +84,7 @@ def decided_by_expectation(result: MatchResult, expected: UncertainPose, config:
         covariance=best.covariance,
         n_matched=best.n_matched,
         degenerate_direction=direction,
-        confidence=1.0 / (1.0 + sum(math.exp(min(value, _MAX_LOG_ODDS)) for value in odds)),
+        confidence=1.0 / (1.0 + sum(math.exp(value) for value in odds)),
     )
 
 

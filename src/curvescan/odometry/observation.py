@@ -99,8 +99,7 @@ class Gap:
     before: tuple[Keyframe, ...]
     n_scans: int  # scans in the gap that have readings enough to be matched
     first: int  # number of the first scan in the gap
-    # whether a match leads over it that is not sure enough: see :func:`~curvescan.odometry.gaps.question_link`
-    is_questioned: bool = False
+    log_odds: float = 0.0  # that the sensor is still near, by the matches since
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -111,6 +110,7 @@ class State:
     n_scans: int = 0  # scans so far
     localization: Localization | None = None  # where the last scan is; None before the first
     previous: PreparedScan | None = None  # the last scan, if it can be a reference
+    older: Keyframe | None = None  # the keyframe that was in use before the one in use
     deskewer: Deskewer = field(default_factory=Deskewer)  # the clock of the sweeps
     # the first scan, until the second shows the velocity with which its sweep is deskewed
     first: LaserScan | None = None

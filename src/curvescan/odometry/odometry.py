@@ -20,7 +20,7 @@ from curvescan.matchers.registry import Matcher, MatcherConfig, Method, find_mat
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.motion_model import MotionModel
 from curvescan.odometry.observation import Matching, Observation, Placement, State, try_references
-from curvescan.odometry.step import Step
+from curvescan.odometry.step import Step, StepOutcome
 from curvescan.odometry.strategies import STRATEGIES, start
 from curvescan.scan import LaserScan, as_odometry_pose
 
@@ -124,12 +124,18 @@ class Odometry:
 
     def _commit(self, observation: Observation, placement: Placement) -> None:
         """Take up what was found: the one place where anything changes."""
-        reference = self._matching.as_reference(placement.current)
+        before, reference = self._state, self._matching.as_reference(placement.current)
+        older, last = before.older, before.localization
+        if placement.outcome is StepOutcome.LOST:
+            older = None
+        elif last is not None and before.gap is None and placement.localization.keyframe is not last.keyframe:
+            older = last.keyframe
         self._state = State(
             motion=placement.motion,
             n_scans=observation.index + 1,
             localization=placement.localization,
             previous=reference if placement.is_reference else None,
+            older=older,
             deskewer=observation.deskewer,
             first=observation.scan if observation.index == 0 else None,
             gap=placement.gap,

@@ -2,8 +2,8 @@
 
 0. ``start``: the first scan is the origin.
 1. ``track``: matched with the keyframe in use or with the previous scan.
-2. ``bridge``: matched with what was in use before the last failure.
-3. ``extrapolate``: the expected motion is taken; after a few such scans the track is lost, and starts anew.
+2. ``extrapolate``: the expected motion is taken, until what was in use before the failure matches; if nothing does
+   for a few scans the track is lost, and starts anew.
 
 Each takes the observation and what its first matches gave, and returns a placement or None; none changes any state.
 """
@@ -20,7 +20,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.matchers import PreparedScan
 from curvescan.odometry.config import KeyframesConfig
-from curvescan.odometry.gaps import close_gap, open_gap, question_link, widen_gap, with_keyframe
+from curvescan.odometry.gaps import open_gap, question_link, settle_gap, with_keyframe
 from curvescan.odometry.gating import GatedMatch
 from curvescan.odometry.keyframes import Keyframe, Localization
 from curvescan.odometry.measurement import as_measurement
@@ -78,31 +78,10 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
     questioned = question_link(o, placement, attempt.last)
     if questioned is not None:
         return questioned
-    is_due = _is_leaving(localization, result.score, config)
-    if placement.gap is not None:
-        joined = close_gap(o, placement)
-        if joined is not None:
-            return joined
-        placement = widen_gap(o, placement)
-        if placement.outcome is StepOutcome.LOST:
-            return with_keyframe(o, placement)
-    return with_keyframe(o, placement) if is_due else placement
-
-
-def bridge(observation: Observation, attempt: Attempt) -> Placement | None:
-    """Return where the references from before the last failure show a scan; None where nothing has failed."""
-    o, gap = observation, observation.state.gap
-    if gap is None:
-        return None
-    placement = Placement(
-        outcome=StepOutcome.RELOCALIZED,
-        localization=attempt.last.moved(o.expected),
-        current=o.current,
-        motion=o.state.motion.updated(o.prediction, identity(), is_plausible=False, is_fully_observed=False),
-        step_motion=o.expected,
-        gap=gap,
-    )
-    return close_gap(o, placement)
+    settled = settle_gap(o, placement)
+    if settled.outcome is not placement.outcome or not _is_leaving(localization, result.score, config):
+        return settled
+    return with_keyframe(o, settled)
 
 
 def extrapolate(observation: Observation, attempt: Attempt) -> Placement:
@@ -113,7 +92,7 @@ def extrapolate(observation: Observation, attempt: Attempt) -> Placement:
     is_held = o.state.motion.is_exhausted(o.prediction)
     if is_held:
         motion = UncertainPose(np.zeros(3), motion.cov)
-    gap = open_gap(o, last)
+    gap = o.state.gap or open_gap(o, last)
     placement = Placement(
         outcome=StepOutcome.HELD if is_held else StepOutcome.PREDICTED,
         localization=last.moved(motion),
@@ -129,13 +108,18 @@ def extrapolate(observation: Observation, attempt: Attempt) -> Placement:
         return replace(placement, is_reference=False)
     if o.matching.as_reference(o.current) is None:
         return placement
-    # a robot is never stuck on an old reference
-    if gap is not None and not o.prediction.is_measured:
-        placement = widen_gap(o, placement)
-    return with_keyframe(o, placement)
+    if o.state.gap is not None:
+        settled = settle_gap(o, placement, is_counted=not o.prediction.is_measured)
+        if settled.outcome is StepOutcome.RELOCALIZED:
+            model = o.state.motion.updated(o.prediction, identity(), is_plausible=False, is_fully_observed=False)
+            return replace(settled, motion=model, step_motion=o.expected)
+        if settled.outcome is StepOutcome.LOST:
+            return settled
+        placement = settled
+    return with_keyframe(o, placement)  # a robot is never stuck on an old reference
 
 
-STRATEGIES: tuple[Strategy, ...] = (track, bridge, extrapolate)
+STRATEGIES: tuple[Strategy, ...] = (track, extrapolate)
 """In the order they are tried; the last one always places the scan."""
 
 

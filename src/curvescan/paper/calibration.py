@@ -6,11 +6,14 @@ the least at which planes show none, as it finds most corners. n and S_min: see
 :mod:`curvescan.paper.calibration_pairs`.
 """
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from curvescan.configs import as_config
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Log
 from curvescan.matchers.cfsma.config import CfSmaConfig
@@ -152,9 +155,10 @@ def calibrate(groups: tuple[PlaneGroup, ...], sensor: Sensor, *, n_scans: int = 
     whole = np.array([_share_whole(noisy, base, s, n_scans, seed) for s in SIGMAS])
     # a wall that no margin keeps whole lies beyond what the sensor can see: the widest margin is taken
     sigma_rho = float(SIGMAS[np.argmax(whole >= _WHOLE)] if (whole >= _WHOLE).any() else SIGMAS[-1])
-    base = replace(base, segmentation=replace(base.segmentation, range_sigma=sigma_rho))
+    base = as_config({"segmentation": {"range_sigma": sigma_rho}}, base)
 
-    false_peaks = np.array([[_mean_peaks(g, _with(base, u_k=u_k)) for u_k in TOLERANCES] for g in groups])
+    by_u_k = [as_config({"curvature": {"arc_tolerance": u_k}}, base) for u_k in TOLERANCES]
+    false_peaks = np.array([[np.mean([_n_peaks(p, one) for p in g.planes]) for one in by_u_k] for g in groups])
     is_free: Bools = np.any(false_peaks <= _FREE, axis=1)
     if not is_free.any():
         raise InvalidArgumentError(
@@ -163,24 +167,23 @@ def calibrate(groups: tuple[PlaneGroup, ...], sensor: Sensor, *, n_scans: int = 
         )
     enough = (false_peaks[is_free] <= _FREE).all(axis=0)
     # beyond the first tolerance that serves, all should; a lone later peak does not matter
-    config = _with(base, u_k=float(TOLERANCES[np.argmax(enough)]))
+    config = by_u_k[np.argmax(enough)]
 
     residual = _residual_correlations(groups, config)
     u_c = float(np.ceil(20.0 * np.percentile(residual, 95.0)) / 20.0) if residual.size else 0.4
-    config = _with(config, u_c=min(u_c, 0.95))
+    config = as_config({"functions": {"min_correlation": min(u_c, 0.95)}}, config)
 
     free_planes = [p for g, free in zip(groups, is_free, strict=True) if free for p in g.planes]
     corners = _corners(sensor, sigma, n_scans, seed)
-    detection = np.array([_found(corners, _with(config, u_p=u_p)) for u_p in CURVATURES])
-    false_alarms = np.array(
-        [np.mean([_n_peaks(p, _with(config, u_p=u_p)) > 0 for p in free_planes]) for u_p in CURVATURES]
-    )
+    by_u_p = [as_config({"landmarks": {"min_curvature": round(u_p, 3)}}, config) for u_p in (*CURVATURES, 1.0)]
+    detection = np.array([_found(corners, one) for one in by_u_p[:-1]])
+    false_alarms = np.array([np.mean([_n_peaks(p, one) > 0 for p in free_planes]) for one in by_u_p[:-1]])
     is_quiet = false_alarms <= _QUIET
-    config = _with(config, u_p=float(CURVATURES[np.argmax(is_quiet)] if is_quiet.any() else 1.0))
+    config = by_u_p[np.argmax(is_quiet) if is_quiet.any() else -1]
     pairs = calibrate_on_pairs(config, noisy, n_pairs=5 * n_scans, seed=seed + 2000)
-    landmarks = replace(config.landmarks, n_neighbours=pairs.n_neighbours, min_similarity=pairs.min_similarity)
+    landmarks = {"n_neighbours": pairs.n_neighbours, "min_similarity": pairs.min_similarity}
     return Calibration(
-        config=replace(config, landmarks=landmarks),
+        config=as_config({"landmarks": landmarks}, config),
         noise=sigma,
         whole=whole,
         pairs=pairs,
@@ -214,18 +217,6 @@ def _share_whole(sensor: Sensor, config: CfSmaConfig, range_sigma: float, n_scan
     return n_whole / n_scans
 
 
-def _with(
-    config: CfSmaConfig, u_k: float | None = None, u_c: float | None = None, u_p: float | None = None
-) -> CfSmaConfig:
-    if u_k is not None:
-        config = replace(config, curvature=replace(config.curvature, arc_tolerance=u_k))
-    if u_c is not None:
-        config = replace(config, functions=replace(config.functions, min_correlation=u_c))
-    if u_p is not None:
-        config = replace(config, landmarks=replace(config.landmarks, min_curvature=round(u_p, 3)))
-    return config
-
-
 def _functions(plane: Points, config: CfSmaConfig) -> tuple[Floats, tuple[Ints, Ints]]:
     whole = (np.array([0]), np.array([len(plane)]))
     return curvature_functions(plane, *whole, config.curvature)[0], whole
@@ -234,10 +225,6 @@ def _functions(plane: Points, config: CfSmaConfig) -> tuple[Floats, tuple[Ints, 
 def _n_peaks(plane: Points, config: CfSmaConfig) -> int:
     eta, whole = _functions(plane, config)
     return len(characteristic_points(eta, *whole, config.landmarks))
-
-
-def _mean_peaks(group: PlaneGroup, config: CfSmaConfig) -> float:
-    return float(np.mean([_n_peaks(plane, config) for plane in group.planes]))
 
 
 def _residual_correlations(groups: tuple[PlaneGroup, ...], config: CfSmaConfig) -> Floats:
@@ -256,8 +243,7 @@ def _residual_correlations(groups: tuple[PlaneGroup, ...], config: CfSmaConfig) 
     return np.sort(np.concatenate(found)) if found else np.empty(0)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Corner:
+class _Corner(NamedTuple):
     points: Points
     at: Points  # (2,) where it is
     turn: float  # radians
@@ -265,10 +251,9 @@ class _Corner:
 
 def _corners(sensor: Sensor, sigma: float, n_scans: int, seed: int) -> list[_Corner]:
     """Return corners of all angles, 2 to 4 m away."""
-    settings = [(distance, turn) for distance in (2, 3, 4) for turn in CORNER_ANGLES]
     return [
-        _Corner(points=scan.points[scan.valid], at=np.array([distance, 0.0]), turn=float(turn))
-        for k, (distance, turn) in enumerate(settings)
+        _Corner(scan.points[scan.valid], np.array([distance, 0.0]), float(turn))
+        for k, (distance, turn) in enumerate(itertools.product((2, 3, 4), CORNER_ANGLES))
         for scan in wall_scans(sensor, distance, sigma=sigma, n_scans=n_scans, seed=seed + 1000 + k, angle=turn / 2.0)
     ]
 

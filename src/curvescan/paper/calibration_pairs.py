@@ -5,16 +5,17 @@ rejected.
 """
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from curvescan import se2
+from curvescan.configs import as_config
 from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.matchers.cfsma.landmarks import Verdict
 from curvescan.matchers.cfsma.matcher import CfSmaMatcher
 from curvescan.matchers.cfsma.trace import CfSmaTrace
-from curvescan.paper.random_transform import SUCCESS
+from curvescan.paper.random_transform import is_success
 from curvescan.simulation import ScanPair, Sensor, simulate_pairs
 from curvescan.types import Bools, Floats, Ints
 
@@ -43,32 +44,26 @@ class PairCalibration:
 
 def calibrate_on_pairs(config: CfSmaConfig, sensor: Sensor, *, n_pairs: int = 200, seed: int = 0) -> PairCalibration:
     """Return n and S_min for a sensor, the other parameters given."""
-    pairs = list(
-        simulate_pairs(
-            "office", sensor=sensor, n_pairs=n_pairs, translation_max=0.1, rotation_max=np.radians(5.0), seed=seed
-        )
-    )
-    shares, seconds = np.array([_accuracy(_with_n(config, int(n)), pairs) for n in NEIGHBOURS]).T
+    small = {"translation_max": 0.1, "rotation_max": np.radians(5.0)}
+    pairs = list(simulate_pairs("office", sensor=sensor, n_pairs=n_pairs, seed=seed, **small))
+    by_n = [as_config({"landmarks": {"n_neighbours": int(n)}}, config) for n in NEIGHBOURS]
+    shares, seconds = np.array([_accuracy(one, pairs) for one in by_n]).T
     best = shares.max()
     tolerance = np.sqrt(best * (1.0 - best) / n_pairs)
-    n = int(NEIGHBOURS[np.argmax(shares >= best - tolerance)])
-    similarity, is_right = _point_pairs(_with_n(config, n), pairs)
+    first = int(np.argmax(shares >= best - tolerance))
+    similarity, is_right = _point_pairs(by_n[first], pairs)
     is_below = similarity <= SIMILARITIES[:, np.newaxis]
     wrong_rejected = np.mean(is_below[:, ~is_right], axis=1) if (~is_right).any() else np.zeros(len(SIMILARITIES))
     right_kept = 1.0 - np.mean(is_below[:, is_right], axis=1) if is_right.any() else np.ones(len(SIMILARITIES))
     s_min = float(SIMILARITIES[np.flatnonzero(right_kept >= 1.0 - _COST)[-1]])
     return PairCalibration(
-        n_neighbours=n,
+        n_neighbours=int(NEIGHBOURS[first]),
         min_similarity=round(s_min, 3),
         right_shares=shares,
         seconds=seconds,
         wrong_rejected=wrong_rejected,
         right_kept=right_kept,
     )
-
-
-def _with_n(config: CfSmaConfig, n: int) -> CfSmaConfig:
-    return replace(config, landmarks=replace(config.landmarks, n_neighbours=n))
 
 
 def _accuracy(config: CfSmaConfig, pairs: list[ScanPair]) -> tuple[float, float]:
@@ -81,14 +76,13 @@ def _accuracy(config: CfSmaConfig, pairs: list[ScanPair]) -> tuple[float, float]
         started = time.perf_counter()
         result = matcher.match(reference, current, None)
         seconds.append(time.perf_counter() - started)
-        x, y, theta = se2.between(pair.pose, result.pose)
-        n_right += bool(np.hypot(x, y) < SUCCESS[0] and abs(theta) < SUCCESS[1])
+        n_right += bool(is_success(se2.between(pair.pose, result.pose)))
     return n_right / len(pairs), float(np.median(seconds))
 
 
 def _point_pairs(config: CfSmaConfig, pairs: list[ScanPair]) -> tuple[Floats, Bools]:
     """Return the similarity of all mutually best pairs of characteristic points, and whether they are of one corner."""
-    matcher = CfSmaMatcher(replace(config, landmarks=replace(config.landmarks, min_similarity=0.0)))
+    matcher = CfSmaMatcher(as_config({"landmarks": {"min_similarity": 0.0}}, config))
     similarity, is_right = [], []
     for pair in pairs:
         reference, current = matcher.prepare(pair.reference), matcher.prepare(pair.current)

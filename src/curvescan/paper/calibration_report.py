@@ -8,7 +8,8 @@ import numpy as np
 from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.paper.calibration import CURVATURES, SIGMAS, TOLERANCES, Calibration
 from curvescan.paper.calibration_pairs import NEIGHBOURS, SIMILARITIES
-from curvescan.plots.map import DARK, PATH, drawing, segment_colour
+from curvescan.plots.colours import DARK, PATH, segment_colour
+from curvescan.plots.map import drawing
 from curvescan.runs.document import ResultTable
 
 

@@ -133,31 +133,24 @@ def _random_transforms(
 def _drive(
     experiment: DriveExperiment, methods: Sequence[str], *, is_quick: bool, seed: int, progress: Progress
 ) -> ScenarioComparison:
-    """Return a drive of experiments 2 to 4 by every method, for all its seeds."""
+    """Return a drive of experiments 2 to 4 by every method, and by cfsma with its consistency test, for all seeds."""
     share = 0.25 if is_quick else 1.0
     n_seeds = 1 if is_quick else N_SEEDS[experiment.condition]
-    n_methods = len(methods) + ("cfsma" in methods)
-    advance = progress(
-        f"experiment {experiment.name}, {experiment.title}",
-        max(int(experiment.n_scans * share), 2) * n_methods * n_seeds,
-    )
+    entries = {method: (method, PAPER_CONFIGS.get(method)) for method in methods}
+    if "cfsma" in methods:
+        entries[CONSISTENT] = ("cfsma", CfSmaConfig(consistency=True))
+    n_steps = max(int(experiment.n_scans * share), 2) * len(entries) * n_seeds
+    advance = progress(f"experiment {experiment.name}, {experiment.title}", n_steps)
     logs = [experiment.simulate(seed=seed + k, share=share) for k in range(n_seeds)]
-    by_seed = [_run_all(log, methods, advance) for log in logs]
     return ScenarioComparison(
         experiment=experiment,
         log=logs[0],
-        results={m: tuple(one[m] for one in by_seed) for m in by_seed[0]},
+        results={
+            name: tuple(run_scenario(log, method, config, advance) for log in logs)
+            for name, (method, config) in entries.items()
+        },
         people_shares=tuple(float(log.is_person.mean()) for log in logs),
     )
-
-
-def _run_all(log: Simulation, methods: Sequence[str], on_step: Callable[..., None]) -> dict[str, ScenarioResult]:
-    """Return what each method makes of the scans, and cfsma with its consistency test as CONSISTENT."""
-    results = run_scenario(log, methods, configs=PAPER_CONFIGS, on_step=on_step)
-    if "cfsma" in methods:
-        configs: dict[str, MatcherConfig] = {"cfsma": CfSmaConfig(consistency=True)}
-        results[CONSISTENT] = run_scenario(log, ["cfsma"], configs=configs, on_step=on_step)["cfsma"]
-    return results
 
 
 def count_parameters(config: object) -> int:

@@ -9,7 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -24,6 +24,14 @@ from curvescan.types import Bools, Floats, Ints, Pose
 TRANSLATION_MEAN, TRANSLATION_STD = 0.100, 0.050  # random translation on each axis, metres
 ROTATION_MEAN, ROTATION_STD = np.radians(15.0), np.radians(5.0)  # random rotation, radians
 SUCCESS = (0.1, np.radians(2.0))  # a match counts as right within this translation, metres, and rotation, radians
+
+
+def is_success(errors: Floats) -> Bools:
+    """Return (...,) whether (..., 3) errors of poses lie within SUCCESS; NaN does not."""
+    distance = np.hypot(errors[..., 0], errors[..., 1])
+    return np.asarray((distance < SUCCESS[0]) & (np.abs(errors[..., 2]) < SUCCESS[1]))
+
+
 N_BATCHES = 5  # seeds the runs of a condition are spread over; what differs between them is the spread that is reported
 
 Moves: TypeAlias = Literal["scan", "sensor"]
@@ -85,19 +93,17 @@ class RandomTransformRuns:
     @property
     def is_right(self) -> Bools:
         """(n,) whether a run ended within SUCCESS of the truth."""
-        right: Bools = (self.translation_error < SUCCESS[0]) & (self.rotation_error < SUCCESS[1])
-        return right
+        return is_success(self.errors)
 
     @property
     def failed_share(self) -> float:
         """Share of the runs whose match failed, 0 to 1."""
-        failed = np.isnan(self.translation_error)
-        return float(np.mean(failed)) if failed.size else math.nan
+        return float(_mean_or_nan(np.isnan(self.errors))[0])
 
     @property
     def right_share(self) -> float:
         """Share of all runs that ended within SUCCESS of the truth, 0 to 1."""
-        return float(np.mean(self.is_right)) if self.is_right.size else math.nan
+        return float(_mean_or_nan(self.is_right[:, np.newaxis])[0])
 
     @property
     def right_spread(self) -> float:
@@ -125,22 +131,18 @@ TransformResult: TypeAlias = tuple[RandomTransformRuns, RandomTransformRuns]
 """Experiment 1 under one condition: by cfsma as printed, and with its consistency test."""
 
 
-def _mean_or_nan(rows: Floats | Ints) -> Floats:
-    mean: Floats = rows.mean(axis=0) if len(rows) else np.full(rows.shape[1], np.nan)
-    return mean
+def _mean_or_nan(rows: Floats | Ints | Bools) -> Floats:
+    return np.asarray(rows.mean(axis=0) if len(rows) else np.full(rows.shape[1], np.nan))
 
 
 def random_transforms(n: int, rng: np.random.Generator) -> Pose:
     """Return (n, 3) random poses of the paper's spread, each component of either sign."""
-    size = np.column_stack(
-        [rng.normal(TRANSLATION_MEAN, TRANSLATION_STD, (n, 2)), rng.normal(ROTATION_MEAN, ROTATION_STD, n)]
-    )
-    poses: Pose = size * rng.choice([-1.0, 1.0], (n, 3))
-    return poses
+    moved = rng.normal(TRANSLATION_MEAN, TRANSLATION_STD, (n, 2))
+    size = np.column_stack([moved, rng.normal(ROTATION_MEAN, ROTATION_STD, n)])
+    return np.asarray(size * rng.choice([-1.0, 1.0], (n, 3)))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class TransformedPair:
+class TransformedPair(NamedTuple):
     """Two scans of experiment 1 and the true pose of the second, once moved, in the first."""
 
     reference: LaserScan
@@ -161,7 +163,7 @@ def transformed_pairs(
     for k, pose in enumerate(transforms):
         pair = first or pairs[k]
         if first is None and condition.n_walkers == 0:
-            yield TransformedPair(reference=pair.reference, current=pair.current, pose=pose)
+            yield TransformedPair(pair.reference, pair.current, pose)
             continue
         log = simulate(
             pair.world,
@@ -171,7 +173,7 @@ def transformed_pairs(
             odometry_noise=None,
             seed=1_000_003 * (seed + 1) + k,
         )
-        yield TransformedPair(reference=log[0], current=log[1], pose=pose)
+        yield TransformedPair(log[0], log[1], pose)
 
 
 def match_transformed(
@@ -185,8 +187,7 @@ def match_transformed(
     for run, pair in enumerate(pairs):
         reference, current = matcher.prepare(pair.reference), matcher.prepare(pair.current)
         if moves == "scan":
-            moved = se2.transform(se2.inverse(pair.pose), current.points)
-            current = replace(current, points=moved)
+            current = replace(current, points=se2.transform(se2.inverse(pair.pose), current.points))
         result = matcher.match(reference, current, None)
         if result.ok:
             errors[run] = np.abs(se2.between(pair.pose, result.pose))

@@ -104,7 +104,10 @@ def _parts(folder: Path, results: Experiments) -> Iterator[Part]:
     if results.drives:
         yield from _paper_parts(folder, results)
     if results.logs:
-        yield from _log_parts(results)
+        yield "## Real logs" if results.drives else f"# Every method on real logs (curvescan {__version__})"
+        yield tables.log_table(results.logs)
+    if any(judged.relations is not None for judged in results.logs):
+        yield tables.log_relation_table(results.logs)
     yield "## Table VI: parameters"
     yield ResultTable(
         title="Parameters of each method, counted from its configuration",
@@ -133,13 +136,6 @@ def _paper_parts(folder: Path, results: Experiments) -> Iterator[Part]:
         yield from _drive_parts(folder, drive)
 
 
-def _log_parts(results: Experiments) -> Iterator[Part]:
-    yield ("## Real logs" if results.drives else f"# Every method on real logs (curvescan {__version__})")
-    yield tables.log_table(results.logs)
-    if any(judged.relations is not None for judged in results.logs):
-        yield tables.log_relation_table(results.logs)
-
-
 def _drive_parts(folder: Path, drive: ScenarioComparison) -> Iterator[Part]:
     experiment, name = drive.experiment, drive.experiment.name
     results = next(iter(drive.results.values()))
@@ -156,23 +152,17 @@ def _drive_parts(folder: Path, drive: ScenarioComparison) -> Iterator[Part]:
     if experiment.n_people:
         yield tables.dynamic_table(drive)
     yield from _lost_ways(drive)
-    tables.draw_maps(folder / f"maps_{name}.png", drive)
-    yield (f"maps_{name}.png", f"Maps of all methods at the same scale; truth dashed. {_TEXT['figure_8']}")
-    tables.draw_trajectories(folder / f"trajectories_{name}.png", drive)
-    yield (f"trajectories_{name}.png", "Trajectories of all methods in one figure, truth dashed.")
-    if "cfsma" not in drive.results:
-        return
-    if experiment.number == 2:
-        tables.draw_both_maps(folder / f"figure_7b_{name}.png", drive, "cfsma")
-        yield (f"figure_7b_{name}.png", "As figure 7: the map by cfsma, and the one from wheel odometry.")
-        tables.draw_end(folder / f"figure_7c_{name}.png", drive, "cfsma")
-        yield (f"figure_7c_{name}.png", "As figure 7c: the way by cfsma about start and end.")
-    if experiment.n_people:
-        tables.draw_discarded(folder / f"figure_9a_{name}.png", drive, "cfsma")
-        yield (
-            f"figure_9a_{name}.png",
-            "As figure 9a: map by cfsma; what it left unmatched is grey, people among it orange.",
-        )
+    has_cfsma = "cfsma" in drive.results
+    for figure, draw, is_wanted in (
+        ("maps", tables.draw_maps, True),
+        ("trajectories", tables.draw_trajectories, True),
+        ("figure_7b", tables.draw_both_maps, has_cfsma and experiment.number == 2),
+        ("figure_7c", tables.draw_end, has_cfsma and experiment.number == 2),
+        ("figure_9a", tables.draw_discarded, has_cfsma and experiment.n_people > 0),
+    ):
+        if is_wanted:
+            draw(folder / f"{figure}_{name}.png", drive)
+            yield (f"{figure}_{name}.png", _TEXT[figure])
 
 
 def _lost_ways(drive: ScenarioComparison) -> Iterator[str]:

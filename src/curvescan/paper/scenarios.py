@@ -7,9 +7,8 @@ one.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -22,7 +21,7 @@ from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.matchers.result import Label, MatchResult
 from curvescan.odometry import Odometry, OdometryConfig, RunRecord, Step, run_odometry
-from curvescan.paper.random_transform import SUCCESS
+from curvescan.paper.random_transform import is_success
 from curvescan.scan import LaserScan
 from curvescan.simulation import Drive, Simulation, simulate
 from curvescan.types import Bools, Cov, Floats, Pose
@@ -41,17 +40,15 @@ def lu_milios_covariance(reference: LaserScan, current: LaserScan, result: Match
 Condition: TypeAlias = Literal["paper", "hard"]  # under which conditions an experiment is done
 
 
-@dataclass(frozen=True, kw_only=True)
-class DriveExperiment:
+class DriveExperiment(NamedTuple):
     """One drive of the paper."""
 
     number: int  # the paper's number of the experiment
     title: str  # what it is
     n_scans: int  # scans, as in the paper
-    n_people: int  # people walking around the robot
-    drive: Drive  # how the robot drives
     condition: Condition  # under which conditions
-    sensor: str  # name of the simulated sensor
+    drive: Drive  # how the robot drives
+    n_people: int  # people walking around the robot
 
     @property
     def name(self) -> str:
@@ -62,7 +59,7 @@ class DriveExperiment:
         """Return the drive, or its first `share`."""
         return simulate(
             "office-floor",  # a round room would hide the heading from every laser
-            sensor=self.sensor,
+            sensor="sick-lms200" if self.condition == "hard" else "sick-lms200-5mm",
             n_scans=max(int(self.n_scans * share), 2),
             n_people=self.n_people,
             drive=self.drive,
@@ -71,29 +68,14 @@ class DriveExperiment:
 
 
 _GENTLE = math.radians(4.0) / 0.2  # rad/s: 4 degrees from a scan to the next
-_TITLES = {2: ("return home", 1100), 3: ("static comparison", 325), 4: ("dynamic comparison", 525)}
-_SENSORS: dict[Condition, str] = {"paper": "sick-lms200-5mm", "hard": "sick-lms200"}
 
-_DRIVES: tuple[tuple[int, Condition, Drive, int], ...] = (  # experiment, condition, how the robot drives, people
-    (2, "paper", Drive(path="home", speed=0.3, turn_rate=_GENTLE), 0),
-    (2, "hard", Drive(path="home", speed=0.3), 0),
-    (3, "paper", Drive(speed=1.25, turn_rate=_GENTLE, acceleration=2.0), 0),
-    (3, "hard", Drive(speed=1.25, turn_rate=1.5, acceleration=2.0), 0),
-    (4, "paper", Drive(speed=1.1, turn_rate=_GENTLE, acceleration=1.5), 3),
-    (4, "hard", Drive(speed=0.95, turn_rate=1.5, acceleration=1.5), 20),
-)
-
-DRIVES = tuple(
-    DriveExperiment(
-        number=number,
-        title=_TITLES[number][0],
-        n_scans=_TITLES[number][1],
-        n_people=n_people,
-        drive=drive,
-        condition=condition,
-        sensor=_SENSORS[condition],
-    )
-    for number, condition, drive, n_people in _DRIVES
+DRIVES = (
+    DriveExperiment(2, "return home", 1100, "paper", Drive(path="home", speed=0.3, turn_rate=_GENTLE), 0),
+    DriveExperiment(2, "return home", 1100, "hard", Drive(path="home", speed=0.3), 0),
+    DriveExperiment(3, "static comparison", 325, "paper", Drive(speed=1.25, turn_rate=_GENTLE, acceleration=2.0), 0),
+    DriveExperiment(3, "static comparison", 325, "hard", Drive(speed=1.25, turn_rate=1.5, acceleration=2.0), 0),
+    DriveExperiment(4, "dynamic comparison", 525, "paper", Drive(speed=1.1, turn_rate=_GENTLE, acceleration=1.5), 3),
+    DriveExperiment(4, "dynamic comparison", 525, "hard", Drive(speed=0.95, turn_rate=1.5, acceleration=1.5), 20),
 )
 """Experiments 2 to 4, each under the paper's conditions and under hard ones, with the paper's numbers of scans."""
 
@@ -165,19 +147,9 @@ class ScenarioResult:
 
 
 def run_scenario(
-    log: Simulation,
-    methods: Sequence[str],
-    *,
-    configs: Mapping[str, MatcherConfig] = MappingProxyType({}),
-    on_step: Callable[[Step], None] | None = None,
-) -> dict[str, ScenarioResult]:
-    """Return what each method makes of the same scans, scan to scan."""
-    return {method: _run_one(log, method, configs.get(method), on_step) for method in methods}
-
-
-def _run_one(
-    log: Simulation, method: str, config: MatcherConfig | None, on_step: Callable[[Step], None] | None
+    log: Simulation, method: str, config: MatcherConfig | None = None, on_step: Callable[[Step], None] | None = None
 ) -> ScenarioResult:
+    """Return what a method makes of scans, scan to scan."""
     variances: list[Floats] = []
     lu_milios: list[Floats] = []
     motions = np.zeros((len(log), 3))
@@ -185,8 +157,9 @@ def _run_one(
 
     def collect(step: Step) -> None:
         result, k = step.match, step.index
-        if result is not None:
-            motions[k] = _unrefused(result, motions[k - 1])
+        if result is not None:  # its pose, the one that it had and refused, or else the last motion once more
+            refused = result.trace.pose if isinstance(result.trace, IterationTrace) else motions[k - 1]
+            motions[k] = result.pose if result.ok else refused
         if result is not None and result.ok:
             variances.append(np.diag(result.covariance))
             lu_milios.append(np.diag(lu_milios_covariance(log[k - 1], log[k], result)))
@@ -216,15 +189,6 @@ def _run_one(
     )
 
 
-def _unrefused(result: MatchResult, last_motion: Pose) -> Pose:
-    """Return the pose of a match, the one that it had and refused, or else the last motion once more."""
-    if result.ok:
-        return result.pose
-    if isinstance(result.trace, IterationTrace):
-        return result.trace.pose
-    return last_motion
-
-
 def _end_error(true_poses: Pose, motions: Pose) -> float:
     """Return how far the end pose of so many motions lies from the true one, metres."""
     end = se2.identity()
@@ -238,18 +202,19 @@ def find_lost_steps(true_poses: Pose, run: RunRecord) -> LostSteps:
     """Return where a run lost its way, and how it would have ended with those steps put right."""
     poses = run.trajectory.poses
     motions, true_motions = (se2.between(p[:-1], p[1:]) for p in (poses, true_poses))
-    error = se2.between(true_motions, motions)
-    is_off = (np.hypot(error[:, 0], error[:, 1]) > SUCCESS[0]) | (np.abs(error[:, 2]) > SUCCESS[1])
+    is_off = ~is_success(se2.between(true_motions, motions))
     is_matched = run.is_matched[1:]
     is_lost = is_off | ~is_matched
     size = np.column_stack([np.hypot(true_motions[:, 0], true_motions[:, 1]), np.abs(true_motions[:, 2])])
-    mean = [size[m].mean(axis=0) if m.any() else np.full(2, np.nan) for m in (is_lost, ~is_lost)]
+    (motion, turn), (usual_motion, usual_turn) = (
+        size[m].mean(axis=0).tolist() if m.any() else (math.nan, math.nan) for m in (is_lost, ~is_lost)
+    )
     return LostSteps(
         n_failed=int(np.count_nonzero(~is_matched)),
         n_wrong=int(np.count_nonzero(is_off & is_matched)),
-        motion=float(mean[0][0]),
-        turn=float(mean[0][1]),
-        usual_motion=float(mean[1][0]),
-        usual_turn=float(mean[1][1]),
+        motion=motion,
+        turn=turn,
+        usual_motion=usual_motion,
+        usual_turn=usual_turn,
         end_without=_end_error(true_poses, np.where(is_lost[:, np.newaxis], true_motions, motions)),
     )

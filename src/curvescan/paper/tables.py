@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from curvescan import se2
 from curvescan.evaluation.real_logs import LogEvaluation
@@ -13,20 +14,8 @@ from curvescan.mapping.occupied_cells import OccupiedCells, occupied_cells
 from curvescan.paper.experiments import ScenarioComparison
 from curvescan.paper.random_transform import SUCCESS, RandomTransformCondition, RandomTransformRuns, TransformResult
 from curvescan.paper.scenarios import ScenarioResult, Share
-from curvescan.plots.map import (
-    DARK,
-    FAILED,
-    GREY,
-    LIGHT,
-    PATH,
-    TRUTH,
-    as_place,
-    draw_side_by_side,
-    draw_truth,
-    drawing,
-    from_first,
-    segment_colour,
-)
+from curvescan.plots.colours import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, segment_colour
+from curvescan.plots.map import as_place, draw_side_by_side, draw_truth, drawing, from_first
 from curvescan.runs.document import ResultTable
 from curvescan.types import Floats
 
@@ -203,7 +192,7 @@ def log_relation_table(judged: Sequence[LogEvaluation]) -> ResultTable:
 
 def draw_errors(path: Path, all_runs: dict[RandomTransformCondition, TransformResult]) -> None:
     """Save the histograms of the errors of experiment 1."""
-    with drawing(path, 11.0, 4.5) as figure:
+    with drawing(path, 11.0, 4.5, legend=3) as figure:
         left, right = figure.subplots(1, 2)
         for k, (condition, (runs, _)) in enumerate(all_runs.items()):
             style = {"histtype": "step", "color": segment_colour(k), "lw": 1.3}
@@ -222,98 +211,88 @@ def draw_errors(path: Path, all_runs: dict[RandomTransformCondition, TransformRe
         ):
             axes.axvline(limit, color=PATH, ls="--", lw=1.0)
             axes.set(xscale="log", xlabel=name, ylabel="runs [%]")
-        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
 def draw_maps(path: Path, drive: ScenarioComparison) -> None:
     """Save the maps of all methods side by side, each at the scale that shows all of it (figure 8)."""
-    truth = from_first(drive.log.truth.poses)
     n_columns = min(len(drive.results), 4)
     n_rows = -(-len(drive.results) // n_columns)
-    with drawing(path, 3.6 * n_columns, 3.9 * n_rows + 0.5) as figure:
+    with drawing(path, 3.6 * n_columns, 3.9 * n_rows + 0.5, legend=3) as figure:
         places = np.ravel(figure.subplots(n_rows, n_columns, squeeze=False))
-        for axes in places:
+        for axes in places[len(drive.results) :]:
             axes.axis("off")
         for axes, (method, result) in zip(places, drive.first.items(), strict=False):
-            axes.axis("on")
-            poses = result.run.trajectory.poses
-            axes.plot(*occupied_cells(drive.log, poses).T, "s", color=DARK, ms=1.2, mew=0)
-            draw_truth(axes, truth)
-            axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label="matching")
-            failed = result.run.is_failed
-            axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=3, label="match failed")
+            axes.plot(*occupied_cells(drive.log, result.run.trajectory.poses).T, "s", color=DARK, ms=1.2, mew=0)
+            _draw_ways(axes, drive, result, "matching", ms=3)
             end = result.errors.end_translation
             as_place(axes, f"{method}: end off by {end:.2f} m, {result.n_failed} failed")
             axes.set_aspect("equal", adjustable="datalim")
-        figure.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+
+
+def _draw_ways(axes: Axes, drive: ScenarioComparison, result: ScenarioResult, label: str, ms: float) -> None:
+    """Draw the true way and the one by a method, with a cross where a match failed."""
+    poses, failed = result.run.trajectory.poses, result.run.is_failed
+    draw_truth(axes, from_first(drive.log.truth.poses))
+    axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label=label)
+    axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=ms, label="match failed")
 
 
 def draw_trajectories(path: Path, drive: ScenarioComparison) -> None:
     """Save the trajectories of all methods in one figure with the true one (figure 9b)."""
     truth = from_first(drive.log.truth.poses)
-    with drawing(path, 9, 7) as figure:
+    with drawing(path, 9, 7, legend=5) as figure:
         axes = figure.subplots()
         for k, (method, result) in enumerate(drive.first.items()):
-            x, y = result.run.trajectory.poses[:, :2].T
-            axes.plot(x, y, color=segment_colour(k), lw=1.0, label=method)
+            axes.plot(*result.run.trajectory.poses[:, :2].T, color=segment_colour(k), lw=1.0, label=method)
         draw_truth(axes, truth)
         margin = 0.35 * float(np.ptp(truth[:, :2], axis=0).max()) + 0.5
         low, high = truth[:, :2].min(axis=0) - margin, truth[:, :2].max(axis=0) + margin
         as_place(axes, "a method that leaves the frame has lost its way")
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        figure.legend(loc="outside lower center", ncols=5)
 
 
-def draw_both_maps(path: Path, drive: ScenarioComparison, method: str) -> None:
-    """Save the map of one method beside the map from wheel odometry (figure 7)."""
-    tracks = {f"map by {method}": drive.first[method].run.trajectory.poses}
+def draw_both_maps(path: Path, drive: ScenarioComparison) -> None:
+    """Save the map by cfsma beside the map from wheel odometry (figure 7)."""
+    tracks = {"map by cfsma": drive.first["cfsma"].run.trajectory.poses}
     if drive.log.odometry is not None:
         tracks["map from wheel odometry"] = drive.log.odometry.poses
     draw_side_by_side(path, drive.log, tracks, drive.log.truth.poses)
 
 
-def draw_end(path: Path, drive: ScenarioComparison, method: str) -> None:
-    """Save the way of one method about its start and its end, with the true one (figure 7c)."""
-    truth = from_first(drive.log.truth.poses)
-    run = drive.first[method].run
-    poses, failed = run.trajectory.poses, run.is_failed
-    with drawing(path, 7, 7) as figure:
+def draw_end(path: Path, drive: ScenarioComparison) -> None:
+    """Save the way by cfsma about its start and its end, with the true one (figure 7c)."""
+    result = drive.first["cfsma"]
+    with drawing(path, 7, 7, legend=3) as figure:
         axes = figure.subplots()
-        draw_truth(axes, truth)
-        axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label=method)
-        axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=4, label="match failed")
+        _draw_ways(axes, drive, result, "cfsma", ms=4)
         axes.plot(0.0, 0.0, "o", color="white", mec=DARK, ms=8, label="start")
-        axes.plot(*truth[-1, :2], "s", color="white", mec=TRUTH, ms=8, label="true end")
-        axes.plot(*poses[-1, :2], "s", color="white", mec=PATH, ms=8, label=f"end by {method}")
-        as_place(axes, f"experiment {drive.experiment.number}, {method}")
+        true_end, end = from_first(drive.log.truth.poses)[-1], result.run.trajectory.poses[-1]
+        axes.plot(*true_end[:2], "s", color="white", mec=TRUTH, ms=8, label="true end")
+        axes.plot(*end[:2], "s", color="white", mec=PATH, ms=8, label="end by cfsma")
+        as_place(axes, f"experiment {drive.experiment.number}, cfsma")
         axes.set_aspect("equal", adjustable="datalim")
-        figure.legend(loc="outside lower center", ncols=3)
 
 
-def draw_discarded(path: Path, drive: ScenarioComparison, method: str) -> None:
-    """Save the map of what one method matched (dark) and what it left unmatched (grey): figure 9a."""
-    result = drive.first[method]
+def draw_discarded(path: Path, drive: ScenarioComparison) -> None:
+    """Save the map of what cfsma matched (dark) and what it left unmatched (grey): figure 9a."""
+    result = drive.first["cfsma"]
     poses = result.run.trajectory.poses
-    matched, unmatched, people = (OccupiedCells(0.05) for _ in range(3))
+    unmatched, people, matched = (OccupiedCells(0.05) for _ in range(3))
     for k, pose in enumerate(poses):
-        scan, left = drive.log[k], result.is_discarded[k]
-        for cells, readings in (
-            (matched, scan.valid & ~left),
-            (unmatched, left & ~drive.log.is_person[k]),
-            (people, left & drive.log.is_person[k]),
-        ):
-            cells.add(se2.transform(pose, scan.points[readings]))
-    with drawing(path, 9, 8) as figure:
+        scan, left, is_person = drive.log[k], result.is_discarded[k], drive.log.is_person[k]
+        unmatched.add(se2.transform(pose, scan.points[left & ~is_person]))
+        people.add(se2.transform(pose, scan.points[left & is_person]))
+        matched.add(se2.transform(pose, scan.points[scan.valid & ~left]))
+    with drawing(path, 9, 8, legend=3) as figure:
         axes = figure.subplots()
         for cells, colour, label in (
-            (unmatched, GREY, f"left unmatched by {method}"),
-            (people, LIGHT, f"left unmatched by {method}: people"),
-            (matched, DARK, f"matched by {method}"),
+            (unmatched, GREY, "left unmatched by cfsma"),
+            (people, LIGHT, "left unmatched by cfsma: people"),
+            (matched, DARK, "matched by cfsma"),
         ):
             axes.plot(*cells.centres().T, "s", color=colour, ms=1.4, mew=0)
             axes.plot([], [], "s", color=colour, ms=4, label=label)
         draw_truth(axes, from_first(drive.log.truth.poses))
-        axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label=method)
-        as_place(axes, f"experiment {drive.experiment.number}, {method}")
+        axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label="cfsma")
+        as_place(axes, f"experiment {drive.experiment.number}, cfsma")
         axes.set_aspect("equal", adjustable="datalim")
-        figure.legend(loc="outside lower center", ncols=3)

@@ -10,7 +10,8 @@ from curvescan.evaluation.reference import ReferenceErrors
 from curvescan.evaluation.relations import RelationErrors
 from curvescan.evaluation.trajectory_errors import travelled
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.plots.map import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, as_place, drawing, drawing_places
+from curvescan.plots.colours import DARK, FAILED, GREY, LIGHT, PATH, TRUTH
+from curvescan.plots.map import as_place, drawing, drawing_places
 from curvescan.types import Floats
 
 _N_WORST = 10
@@ -39,7 +40,7 @@ def draw_relation_places(path: Path, errors: RelationErrors, trajectory: Traject
     known = trajectory.poses[~np.isnan(trajectory.poses).any(axis=1)]
     near = np.flatnonzero(errors.is_near)
     worst = near[np.argsort(errors.translation[near])[-_N_WORST:]]
-    with drawing_places(path, known[:, :2]) as (figure, (axes,)):
+    with drawing_places(path, known[:, :2], legend=4) as [axes]:
         axes.plot(*known[:, :2].T, color=DARK, lw=0.8, label="trajectory")
         axes.plot(*known[0, :2], "o", color=TRUTH, ms=6, label="start")
         axes.plot(*known[-1, :2], "s", color=PATH, ms=6, label="end")
@@ -48,7 +49,6 @@ def draw_relation_places(path: Path, errors: RelationErrors, trajectory: Traject
             label = f"the {worst.size} near relations with the largest translation errors"
             axes.plot(*places.T, "x", color=FAILED, ms=7, mew=1.6, label=label)
         as_place(axes)
-        figure.legend(loc="outside lower center", ncols=4)
 
 
 def draw_reference_errors(path: Path, errors: ReferenceErrors) -> None:
@@ -60,7 +60,7 @@ def draw_reference_errors(path: Path, errors: ReferenceErrors) -> None:
     }
     position = {"best alignment": errors.ate_best, "first poses made equal": errors.ate_first}
     colours = (DARK, LIGHT)
-    with drawing(path, 12, 7) as figure:
+    with drawing(path, 12, 7, legend=2) as figure:
         panels = np.ravel(figure.subplots(2, 2))
         for axes, what, lines in (
             (panels[0], "position error [m]", position),
@@ -77,13 +77,12 @@ def draw_reference_errors(path: Path, errors: ReferenceErrors) -> None:
         ):
             _scatter(axes, length[errors.rpe_metre.stop], values, f"{len(values):,} motions")
             axes.set(xlabel="path travelled [m]", ylabel=what)
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
 
 
 def draw_overlay(path: Path, errors: ReferenceErrors) -> None:
     """Save the aligned trajectory over the reference, with lines between poses that belong together."""
     own, goal = errors.poses[:, :2], errors.reference[:, :2]
-    with drawing_places(path, np.concatenate([own, goal])) as (figure, (axes,)):
+    with drawing_places(path, np.concatenate([own, goal]), legend=3) as [axes]:
         # NaN ends a line: one plot for all
         gaps = np.full((len(own), 3, 2), np.nan)
         gaps[:, 0], gaps[:, 1] = own, goal
@@ -91,7 +90,6 @@ def draw_overlay(path: Path, errors: ReferenceErrors) -> None:
         axes.plot(*goal.T, color=TRUTH, lw=1.4, label="reference")
         axes.plot(*own.T, color=PATH, lw=1.0, label="trajectory, best alignment")
         as_place(axes)
-        figure.legend(loc="outside lower center", ncols=3)
 
 
 def _scatter(axes: Axes, x: Floats, values: Floats, title: str) -> None:

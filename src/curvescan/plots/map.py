@@ -22,35 +22,31 @@ from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import RunRecord
+from curvescan.plots.colours import DARK, FAILED, GREY, LIGHT, PAIRED, PATH, TRUTH, WHEELS
 from curvescan.slam.loops.closures import is_loop
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Bools, Points, Pose
+from curvescan.types import Points, Pose
 
-DARK = "#1b2a41"
-LIGHT = "#e3a76f"
-GREY = "#b5b9c0"
-PATH = "#c1272d"
-WHEELS = "#b06a1f"
-TRUTH = "#2e7d32"
-FAILED = "#7b1fa2"
-PAIRED = "#00796b"
-FIRST, SECOND = "#0072b2", "#d55e00"
-"""Of two scans: blue and vermilion of Okabe and Ito, which the colour-blind tell apart (Wong, Nat. Methods 8, 2011)."""
-SEGMENT_COLOURS: list[Any] = mpl.color_sequences["tab10"]
 _STYLE = Path(__file__).with_name("curvescan.mplstyle")
 _DPI = 150
 _MAX_TITLE = 160
 
 
 @contextmanager
-def drawing(path: Path, width: float, height: float) -> Iterator[Figure]:
-    """Yield an empty figure of that many inches and save it as `path` when the block ends."""
+def drawing(path: Path, width: float, height: float, *, legend: int = 0) -> Iterator[Figure]:
+    """Yield an empty figure of that many inches and save it when the block ends, with a legend of so many columns."""
     # given as a file it would cost a quarter of a second: Matplotlib reads its thirty styles first
     style: Any = {name: value for name, value in mpl.rc_params_from_file(_STYLE).items() if name != "backend"}
     with mpl.rc_context(style):
         figure: Any = FigureCanvasAgg(Figure(figsize=(width, height), layout="constrained")).figure
         yield figure
+        known: dict[str, Any] = {}  # what several axes show stands in the legend once
+        for axes in figure.axes:
+            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+                known.setdefault(label, handle)
+        if legend and known:
+            figure.legend(known.values(), known.keys(), loc="outside lower center", ncols=legend)
         with warnings.catch_warnings():
             # names of files may be in any script; a box stands for what the font does not have
             warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)
@@ -63,8 +59,8 @@ def drawing(path: Path, width: float, height: float) -> Iterator[Figure]:
 
 
 @contextmanager
-def drawing_places(path: Path, points: Points, n_places: int = 1) -> Iterator[tuple[Figure, list[Axes]]]:
-    """Yield a figure of `n_places` maps of one size, wide ones above each other, and their axes."""
+def drawing_places(path: Path, points: Points, n_places: int = 1, *, legend: int = 0) -> Iterator[list[Axes]]:
+    """Yield the axes of a figure of `n_places` maps of one size, wide ones above each other; saved as by `drawing`."""
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     margin = 0.03 * float(max(high - low)) + 0.1
     low, high = low - margin, high + margin
@@ -73,11 +69,11 @@ def drawing_places(path: Path, points: Points, n_places: int = 1) -> Iterator[tu
     is_wide = n_places > 1 and ratio < 0.6
     rows, columns = (n_places, 1) if is_wide else (1, n_places)
     width = 11.0 / columns if n_places > 1 else min(10.0, max(7.0, 9.0 / ratio))
-    with drawing(path, columns * width, rows * ((width - 0.5) * ratio + 0.5) + 1.0) as figure:
+    with drawing(path, columns * width, rows * ((width - 0.5) * ratio + 0.5) + 1.0, legend=legend) as figure:
         places = np.ravel(figure.subplots(rows, columns)).tolist()
         for axes in places:
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        yield figure, places
+        yield places
 
 
 def as_place(axes: Axes, title: str = "") -> None:
@@ -100,11 +96,6 @@ def mark_ends(axes: Axes, poses: Pose, colour: str = PATH) -> None:
         axes.plot(*end[:, :2].T, mark, color="white", mec=colour, mew=1.4, ms=6, label=label)
 
 
-def segment_colour(k: int) -> Any:
-    """Return the colour of segment k; ten colours in turn."""
-    return SEGMENT_COLOURS[k % len(SEGMENT_COLOURS)]
-
-
 def draw_map(path: Path, run: RunRecord, place: RunMaps, *, title: str, truth: Pose | None = None) -> None:
     """Save the map of a run as a picture; truth (>= n, 3)."""
     poses, failed = run.trajectory.poses, run.is_failed
@@ -112,7 +103,7 @@ def draw_map(path: Path, run: RunRecord, place: RunMaps, *, title: str, truth: P
     cells, moved_cells = place.standing, place.moved
     true_poses = None if truth is None else from_first(truth[: len(poses)])
     everything = [cells, moved_cells, poses[:, :2], np.zeros((1, 2))]
-    with drawing_places(path, np.concatenate(everything)) as (figure, [axes]):
+    with drawing_places(path, np.concatenate(everything), legend=3) as [axes]:
         as_place(axes, title)
         if len(moved_cells):
             draw_cells(axes, moved_cells, GREY, "moved while the sensor passed")
@@ -124,18 +115,16 @@ def draw_map(path: Path, run: RunRecord, place: RunMaps, *, title: str, truth: P
             label = f"match failed ({np.count_nonzero(failed):,} of {max(len(poses) - 1, 1):,})"
             axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=3.5, mew=0.8, label=label)
         mark_ends(axes, known)
-        figure.legend(loc="outside lower center", ncols=3)
 
 
 def draw_wheels(path: Path, log: Log, poses: Pose, *, title: str) -> None:
     """Save the map that a log's wheel odometry alone, poses (n, 3), makes of its scans."""
     poses = from_first(poses)
     cells = occupied_cells(log, poses)
-    with drawing_places(path, np.concatenate([cells, poses[:, :2]])) as (figure, [axes]):
+    with drawing_places(path, np.concatenate([cells, poses[:, :2]]), legend=2) as [axes]:
         as_place(axes, title)
         draw_cells(axes, cells, DARK, "map from wheel odometry")
         axes.plot(*poses[:, :2].T, color=WHEELS, lw=1.0, label="wheel odometry")
-        figure.legend(loc="outside lower center", ncols=2)
 
 
 def from_first(poses: Pose) -> Pose:
@@ -157,7 +146,7 @@ def draw_side_by_side(path: Path, log: Log, tracks: Mapping[str, Pose], truth: P
     poses = {title: from_first(track) for title, track in tracks.items()}
     cells = {title: occupied_cells(log, track) for title, track in poses.items()}
     everything = [*cells.values(), *(track[:, :2] for track in poses.values())]
-    with drawing_places(path, np.concatenate(everything), len(tracks)) as (figure, places):
+    with drawing_places(path, np.concatenate(everything), len(tracks), legend=5) as places:
         for axes, (title, track) in zip(places, poses.items(), strict=True):
             as_place(axes, title)
             draw_cells(axes, cells[title], DARK, "where readings ended")
@@ -165,17 +154,14 @@ def draw_side_by_side(path: Path, log: Log, tracks: Mapping[str, Pose], truth: P
                 draw_truth(axes, from_first(truth[: len(track)]))
             axes.plot(*track[:, :2].T, color=PATH, lw=1.0, label="trajectory")
             mark_ends(axes, track)
-        figure.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
 
 
 def draw_graph(path: Path, slam_map: SlamMap, cells: Points, *, title: str) -> None:
     """Save the pose graph of a map as a picture. cells (k, 2)."""
-    with drawing_places(path, np.concatenate((cells, slam_map.poses[:, :2]))) as (figure, [axes]):
+    with drawing_places(path, np.concatenate((cells, slam_map.poses[:, :2])), legend=4) as [axes]:
         as_place(axes, title)
         axes.plot(*cells.T, "s", color=GREY, ms=0.7, mew=0)
         plot_graph(slam_map, axes)
-        if axes.get_legend_handles_labels()[0]:  # none where the graph has one keyframe
-            figure.legend(loc="outside lower center", ncols=4)
 
 
 def plot_graph(slam_map: SlamMap, axes: Axes) -> None:
@@ -191,16 +177,11 @@ def plot_graph(slam_map: SlamMap, axes: Axes) -> None:
         (is_closure & ~is_used, FAILED, "without weight"),
         (follows, PATH, "keyframes that follow each other"),
     ):
-        _draw_edges(axes, slam_map, chosen, colour, f"{label} ({np.count_nonzero(chosen):,})")
+        if chosen.any():
+            lines = list(slam_map.poses[slam_map.ends[chosen], :2])
+            axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.4))
+            axes.plot([], [], color=colour, lw=1.0, label=f"{label} ({len(lines):,})")
     axes.plot(*slam_map.poses[:, :2].T, ".", color=PATH, ms=2, mew=0)
-
-
-def _draw_edges(axes: Axes, slam_map: SlamMap, chosen: Bools, colour: str, label: str) -> None:
-    if not chosen.any():
-        return
-    lines = slam_map.poses[slam_map.ends[chosen], :2]
-    axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=0.4))
-    axes.plot([], [], color=colour, lw=1.0, label=label)
 
 
 _COLOURS = {"unknown": "#c4c7cc", "free": "#ffffff", "occupied": DARK}
@@ -213,11 +194,10 @@ def draw_occupancy(path: Path, grid: OccupancyGrid, poses: Pose, *, title: str) 
     """Save an occupancy map as a picture, and the path of its poses (n, 3)."""
     low = grid.origin
     high = low + grid.resolution * np.array(grid.log_odds.shape[::-1])
-    with drawing_places(path, np.stack([low, high])) as (figure, [axes]):
+    with drawing_places(path, np.stack([low, high]), legend=4) as [axes]:
         as_place(axes, f"{title}, cells of {grid.resolution:g} m")
         draw_grid(axes, grid)
         axes.plot(*poses[:, :2].T, color=PATH, lw=0.7, label="path of the sensor")
-        figure.legend(loc="outside lower center", ncols=4)
 
 
 def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:

@@ -11,24 +11,13 @@ from curvescan import se2
 from curvescan._version import __version__
 from curvescan.matchers import match
 from curvescan.matchers.cfsma.config import CfSmaConfig
-from curvescan.matchers.cfsma.features import CfSmaFeatures
 from curvescan.matchers.cfsma.landmarks import Verdict
 from curvescan.matchers.cfsma.trace import CfSmaTrace, count_gates
 from curvescan.matchers.result import Label, MatchResult
-from curvescan.plots.map import (
-    DARK,
-    FIRST,
-    GREY,
-    PAIRED,
-    PATH,
-    SECOND,
-    as_place,
-    drawing,
-    drawing_places,
-    segment_colour,
-)
+from curvescan.plots.colours import DARK, FIRST, GREY, PAIRED, PATH, SECOND, segment_colour
+from curvescan.plots.map import as_place, drawing, drawing_places
 from curvescan.scan import LaserScan
-from curvescan.types import Ints, Points
+from curvescan.types import Points
 
 _SENSOR: dict[str, Any] = {"marker": (3, 0, -90), "color": PATH, "ms": 8.0, "ls": "none"}
 
@@ -70,31 +59,39 @@ def draw_segments(path: Path, trace: CfSmaTrace, names: tuple[str, str]) -> None
     """Save the segments of both scans in colours, isolated readings in grey (figure 4)."""
     scans = (trace.reference, trace.current)
     points = np.concatenate([features.points for features in scans])
-    with drawing_places(path, _with_sensor(points), 2) as (figure, places):
+    with drawing_places(path, _with_sensor(points), 2, legend=3) as places:
         for axes, features, name in zip(places, scans, names, strict=True):
-            _draw_segments(axes, features)
-            n_points = len(features.landmarks)
-            as_place(axes, f"{name}: CF-SMA, {len(features.starts)} segments, {n_points} corners")
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+            axes.plot(*features.points.T, ".", color=GREY, ms=3, label="isolated reading")
+            for k, (start, stop) in enumerate(zip(features.starts, features.stops, strict=True)):
+                axes.plot(*features.points[start:stop].T, ".-", color=segment_colour(k), ms=3, lw=0.7)
+            corners = features.points[features.landmarks.extents[:, 0]]
+            axes.plot(*corners.T, "o", mfc="none", mec=DARK, ms=7, label="characteristic point")
+            axes.plot(0, 0, **_SENSOR, label="sensor")
+            as_place(axes, f"{name}: CF-SMA, {len(features.starts)} segments, {len(corners)} corners")
 
 
 def draw_curvature(path: Path, trace: CfSmaTrace, names: tuple[str, str], min_curvature: float) -> None:
     """Save the curvature functions of both scans, with U_p and the characteristic points (figure 5)."""
     paired_rows = np.flatnonzero(trace.landmark_pairs.verdict == Verdict.PAIRED)
     paired = {"current": paired_rows, "reference": trace.landmark_pairs.partner[paired_rows]}
-    with drawing(path, 12, 7) as figure:
+    with drawing(path, 12, 7, legend=4) as figure:
         top, bottom = figure.subplots(2, 1)
         for axes, features, name, rows in (
             (top, trace.reference, names[0], paired["reference"]),
             (bottom, trace.current, names[1], paired["current"]),
         ):
-            _draw_functions(axes, features, rows)
+            for k, (start, stop) in enumerate(zip(features.starts, features.stops, strict=True)):
+                axes.plot(np.arange(start, stop), features.eta[start:stop], color=segment_colour(k), lw=1.0)
+                axes.axvline(start, color=GREY, lw=0.5, zorder=0)
+            at = features.landmarks.extents[:, 0]
+            axes.plot(at, features.eta[at], "o", mfc="none", mec=DARK, ms=6, label="characteristic point")
+            axes.plot(at[rows], features.eta[at[rows]], "o", color=PAIRED, ms=6, label="paired")
+            axes.margins(x=0.01)
             axes.axhline(min_curvature, color=PATH, lw=1.0, ls="--", label=f"±U_p = {min_curvature:g} rad")
             axes.axhline(-min_curvature, color=PATH, lw=1.0, ls="--")
             axes.set_title(name)
             axes.set_ylabel("curvature index [rad]")
         bottom.set_xlabel("reading along the sweep (valid readings, counter-clockwise)")
-        figure.legend(*bottom.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 
 def draw_matched(path: Path, result: MatchResult, scans: tuple[LaserScan, LaserScan], names: tuple[str, str]) -> None:
@@ -102,7 +99,7 @@ def draw_matched(path: Path, result: MatchResult, scans: tuple[LaserScan, LaserS
     reference, before = scans[0].points, scans[1].points
     after = se2.transform(result.pose, before) if result.ok else None
     shown = [reference, before] + ([] if after is None else [after])
-    with drawing_places(path, _with_sensor(np.concatenate(shown)), 2) as (figure, [left, right]):
+    with drawing_places(path, _with_sensor(np.concatenate(shown)), 2, legend=4) as [left, right]:
         draw_overlay(left, result, reference, before)
         as_place(left, "as measured, each scan in its own sensor frame")
         if after is None:
@@ -114,30 +111,10 @@ def draw_matched(path: Path, result: MatchResult, scans: tuple[LaserScan, LaserS
         matched = ", matched" * result.ok
         left.plot([], [], ".", color=FIRST, label=f"{names[0]}{matched}")
         left.plot([], [], ".", color=SECOND, label=f"{names[1]}{matched}")
-        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 
 def _with_sensor(points: Points) -> Points:
     return np.concatenate([points, np.zeros((1, 2))])
-
-
-def _draw_segments(axes: Axes, features: CfSmaFeatures) -> None:
-    axes.plot(*features.points.T, ".", color=GREY, ms=3, label="isolated reading")
-    for k, (start, stop) in enumerate(zip(features.starts, features.stops, strict=True)):
-        axes.plot(*features.points[start:stop].T, ".-", color=segment_colour(k), ms=3, lw=0.7)
-    corners = features.points[features.landmarks.extents[:, 0]]
-    axes.plot(*corners.T, "o", mfc="none", mec=DARK, ms=7, label="characteristic point")
-    axes.plot(0, 0, **_SENSOR, label="sensor")
-
-
-def _draw_functions(axes: Axes, features: CfSmaFeatures, paired: Ints) -> None:
-    for k, (start, stop) in enumerate(zip(features.starts, features.stops, strict=True)):
-        axes.plot(np.arange(start, stop), features.eta[start:stop], color=segment_colour(k), lw=1.0)
-        axes.axvline(start, color=GREY, lw=0.5, zorder=0)
-    at = features.landmarks.extents[:, 0]
-    axes.plot(at, features.eta[at], "o", mfc="none", mec=DARK, ms=6, label="characteristic point")
-    axes.plot(at[paired], features.eta[at[paired]], "o", color=PAIRED, ms=6, label="paired")
-    axes.margins(x=0.01)
 
 
 def draw_overlay(axes: Axes, result: MatchResult, points_ref: Points, points_cur: Points) -> None:

@@ -17,7 +17,8 @@ from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.matchers.result import MatchResult
 from curvescan.odometry import RunRecord
-from curvescan.plots.map import FIRST, PATH, SECOND, as_place, draw_grid, mark_ends
+from curvescan.plots.colours import FIRST, PATH, SECOND
+from curvescan.plots.map import as_place, draw_grid, mark_ends
 from curvescan.plots.match import draw_overlay
 from curvescan.scan import LaserScan
 from curvescan.slam import Localizer, Slam, SlamMap
@@ -121,8 +122,11 @@ def trajectory(
     axes.plot(*poses[:, :2].T, label=label, **look)
     mark_ends(axes, poses, look["color"])
     if covariances is not None and len(poses):
+        angles = np.linspace(0.0, 2.0 * math.pi, _ELLIPSE)
+        circle = np.column_stack([np.cos(angles), np.sin(angles)])
         for k in np.unique(np.linspace(0, len(poses) - 1, _N_ELLIPSES).astype(int)):
-            ellipse = _ellipse(poses[k], covariances[k])
+            values, directions = np.linalg.eigh(covariances[k, :2, :2])
+            ellipse = poses[k, :2] + _SIGMAS * (circle * np.sqrt(np.maximum(values, 0.0))) @ directions.T
             axes.fill(*ellipse.T, color=look["color"], alpha=0.15, lw=0.0)
     as_place(axes)
     if label:
@@ -226,12 +230,3 @@ def _poses(source: Any, *, keeps_nan: bool = False) -> tuple[Pose, Cov | None]:
     if keeps_nan or known.all():
         return poses, covariances
     return poses[known], None if covariances is None else covariances[known]
-
-
-def _ellipse(pose: Pose, covariance: Cov) -> Pose:
-    """Return (n, 2) corners of the ellipse that holds 3 sigma of a position."""
-    values, axes = np.linalg.eigh(covariance[:2, :2])
-    angles = np.linspace(0.0, 2.0 * math.pi, _ELLIPSE)
-    circle = np.column_stack([np.cos(angles), np.sin(angles)])
-    corners: Pose = pose[:2] + _SIGMAS * (circle * np.sqrt(np.maximum(values, 0.0))) @ axes.T
-    return corners

@@ -19,7 +19,6 @@ from curvescan.evaluation.relations import (
     NEAR,
     SOURCE,
     BenchmarkLog,
-    PublishedError,
     RelationErrors,
     Which,
     find_benchmark,
@@ -84,7 +83,9 @@ def evaluate(
     require(near >= 0.0, "near must be at least 0 s", near)
     require(tolerance >= 0.0, "tolerance must be at least 0 s", tolerance)
     own = _poses_of(trajectory).trajectory
-    about = _about(trajectory, relations if relations is not None else reference, laser_pose)
+    x, y, theta = np.asarray(laser_pose, dtype=np.float64).tolist()
+    names = {"trajectory": _name(trajectory), "measured_against": _name(reference if relations is None else relations)}
+    about: dict[str, object] = {**names, "laser_pose_m_m_deg": [x, y, math.degrees(theta)]}
     errors: RelationErrors | ReferenceErrors
     with nullcontext() if out is None else output_folder(out) as folder:
         if relations is not None:
@@ -99,12 +100,6 @@ def evaluate(
         if folder is not None:
             _save(folder, about, errors, own)
     return errors
-
-
-def _about(trajectory: object, measured_against: object, laser_pose: ArrayLike) -> dict[str, object]:
-    x, y, theta = np.asarray(laser_pose, dtype=np.float64).tolist()
-    names = {"trajectory": _name(trajectory), "measured_against": _name(measured_against)}
-    return {**names, "laser_pose_m_m_deg": [x, y, math.degrees(theta)]}
 
 
 def _poses_of(source: Run | Trajectory | str | os.PathLike[str]) -> PoseFile:
@@ -193,13 +188,11 @@ def number_or_null(value: float) -> float | None:
 
 def tables_of(errors: RelationErrors | ReferenceErrors) -> tuple[list[str], list[ResultTable]]:
     """Return what is to be known of how an evaluation was made, a sentence each, and its tables."""
-    if isinstance(errors, RelationErrors):
-        return relation_notes(errors), relation_tables(errors)
-    return reference_notes(errors), reference_tables(errors)
-
-
-def relation_tables(errors: RelationErrors) -> list[ResultTable]:
-    """Return the errors of relations, and the published ones of the same log where there are any."""
+    if isinstance(errors, ReferenceErrors):
+        return _reference_notes(errors), _reference_tables(errors)
+    notes = [f"{len(errors):,} of {errors.n_given:,} relations join two scans of the trajectory."]
+    if errors.n_missing:
+        notes.append(f"{errors.n_missing:,} relations are left out: the trajectory has no pose at one of their stamps.")
     rows: list[_Row] = []
     for which, words in _WHICH.items():
         translation, rotation = errors.spreads(which)
@@ -208,10 +201,10 @@ def relation_tables(errors: RelationErrors) -> list[ResultTable]:
     tables = [_spread_table("Errors of relations", "relations", rows, ("mean", "std", "median", "max"))]
     if errors.benchmark is not None:
         tables.append(_published_table(errors, errors.benchmark))
-    return tables
+    return notes, tables
 
 
-def reference_tables(errors: ReferenceErrors) -> list[ResultTable]:
+def _reference_tables(errors: ReferenceErrors) -> list[ResultTable]:
     """Return absolute and relative errors, and the drift."""
     totals = errors.totals
     rows: list[_Row] = [
@@ -239,9 +232,7 @@ def reference_tables(errors: ReferenceErrors) -> list[ResultTable]:
     ]
 
 
-_Row: TypeAlias = tuple[
-    str, Spread, float, str
-]  # what it is of, its figures, and the scale and the unit to show them in
+_Row: TypeAlias = tuple[str, Spread, float, str]  # what it is of, its figures, and scale and unit to show them in
 _DEGREES = 180.0 / np.pi
 
 
@@ -258,15 +249,7 @@ def _spread_table(title: str, first: str, rows: Sequence[_Row], names: tuple[str
     return ResultTable(title=title, columns=(first, "count", *names), rows=entries)
 
 
-def relation_notes(errors: RelationErrors) -> list[str]:
-    """Return what is to be known of the relations, a sentence each."""
-    notes = [f"{len(errors):,} of {errors.n_given:,} relations join two scans of the trajectory."]
-    if errors.n_missing:
-        notes.append(f"{errors.n_missing:,} relations are left out: the trajectory has no pose at one of their stamps.")
-    return notes
-
-
-def reference_notes(errors: ReferenceErrors) -> list[str]:
+def _reference_notes(errors: ReferenceErrors) -> list[str]:
     """Return how poses and reference were brought together, a sentence each."""
     pairs = errors.association
     found = f"{len(pairs):,} of {errors.n_poses:,} poses have one of the {errors.n_reference:,} reference poses"
@@ -285,18 +268,13 @@ def _published_table(errors: RelationErrors, benchmark: BenchmarkLog) -> ResultT
         rotation = f"{np.degrees(turned.mean):.2f} ± {np.degrees(turned.std):.2f} deg"
         return name, f"{moved.mean:.3f} ± {moved.std:.3f} m", rotation
 
-    rows = [_published_row(one) for one in benchmark.errors]
+    rows = []
+    for one in benchmark.errors:
+        mean, std = one.translation
+        rotation = " ± ".join(f"{degrees:g}" for degrees in one.rotation)
+        rows.append((one.method, f"{mean:.3f} ± {std:.3f} m", f"{rotation} deg" if rotation else "-"))
     return ResultTable(
         title=f"Published on {benchmark.name}, all relations ({SOURCE}), and this trajectory",
         columns=("method", "translation", "rotation"),
         rows=[*rows, shown("this trajectory, all relations", "all"), shown("this trajectory, near relations", "near")],
     )
-
-
-def _published_row(one: PublishedError) -> tuple[str, str, str]:
-    mean, std = one.translation
-    rotation = "-"
-    if one.rotation is not None:
-        degrees, spread = one.rotation
-        rotation = f"{degrees:g} deg" if spread is None else f"{degrees:g} ± {spread:g} deg"
-    return (one.method, f"{mean:.3f} ± {std:.3f} m", rotation)

@@ -13,13 +13,10 @@ from numpy.typing import NDArray
 from curvescan import se2
 from curvescan.io.arrays.npz_file import NpzFile
 from curvescan.io.log import Log
-from curvescan.io.trajectories.relations import write_g2o
-from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Step, StepOutcome
 from curvescan.scan import LaserScan
 from curvescan.slam import ClosureOutcome, Slam
 from curvescan.slam.loops.closures import Closure
-from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Cov, Ints, Pose, PoseEdge
 
@@ -27,12 +24,6 @@ CLOSURE_HEADER = (
     "scan", "keyframe_i", "keyframe_j", "score", "confidence", "squared_mahalanobis",
     "x", "y", "theta", "kind", "outcome", "meaning",
 )  # fmt: skip
-
-
-def save_graph(folder: Path, slam_map: SlamMap) -> None:
-    """Write graph.g2o: a vertex a keyframe, and every edge that has a weight."""
-    keyframes = Trajectory(stamps=np.array([scan.stamp for scan in slam_map.scans]), poses=slam_map.poses)
-    write_g2o(folder / "graph.g2o", keyframes, slam_map.edges)
 
 
 def write_closures(path: Path, closures: Sequence[Closure]) -> None:
@@ -49,9 +40,9 @@ def write_closures(path: Path, closures: Sequence[Closure]) -> None:
 
 def describe_graph(slam: Slam, seconds_to_finish: float) -> dict[str, object]:
     """Return what run.json holds of the graph."""
-    graph = slam.backend.graph
+    graph = slam.graph
     outcomes = Counter(c.outcome for c in slam.closures)
-    n_closures, n_neighbours = slam.backend.count_matches()
+    n_closures, n_neighbours = slam.count_matches()
     return {
         "keyframes": graph.n_poses,
         "loop_closures": n_closures,

@@ -1,7 +1,6 @@
 """The odometry of a SLAM run in a process of its own, ahead of the back end, with the same bits.
 
-Scans go to it and steps come back through its pipes, in batches; when it is done it calls functions. A process that
-cannot be started, or ends too early, costs time alone: odometry and functions are then run here.
+A process that cannot be started, or ends too early, costs time alone: its work is then done here.
 """
 
 import os
@@ -50,7 +49,15 @@ class OdometryProcess:
         self._calls: Queue[Any] = Queue()
         self._is_placed = False  # all scans, by the process, which is there still
         self._is_closed = False
-        self._process = _start()
+        self._process: subprocess.Popen[bytes] | None = None
+        with suppress(OSError):
+            self._process = subprocess.Popen(
+                python_command(__name__, "serve()"),
+                env={**os.environ, **_ENVIRONMENT},
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+            )
 
     def __enter__(self) -> "OdometryProcess":
         return self
@@ -113,7 +120,8 @@ class OdometryProcess:
         try:
             with self._process.stdin as requests:
                 requests.write(self._begun)
-                for batch in _batches(self._scans, self._odometry_poses):
+                left = ((scan, pose_at(self._odometry_poses, k)) for k, scan in enumerate(self._scans))
+                while batch := list(islice(left, _BATCH)):
                     if not self._put(self._sent, [scan for scan, _ in batch]):
                         return
                     pickle.dump(batch, requests, pickle.HIGHEST_PROTOCOL)
@@ -166,22 +174,3 @@ def serve() -> None:
             function, args, kwargs = pickle.load(requests)
             pickle.dump((function(*args, **kwargs),), replies, pickle.HIGHEST_PROTOCOL)
             replies.flush()
-
-
-def _start() -> subprocess.Popen[bytes] | None:
-    try:
-        return subprocess.Popen(
-            python_command(__name__, "serve()"),
-            env={**os.environ, **_ENVIRONMENT},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-        )
-    except OSError:
-        return None
-
-
-def _batches(scans: Iterable[LaserScan], odometry_poses: Pose | None) -> Iterator[list[tuple[LaserScan, Pose | None]]]:
-    left = ((scan, pose_at(odometry_poses, k)) for k, scan in enumerate(scans))
-    while batch := list(islice(left, _BATCH)):
-        yield batch

@@ -24,9 +24,9 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import RunRecord, Step
-from curvescan.runs.results import maps_of, save_run, with_grid
+from curvescan.runs.results import maps_of_run, save_run, with_grid
 from curvescan.slam import Localizer, Slam, SlamMap
-from curvescan.slam.run import Engine, is_deskewed
+from curvescan.slam.run import Engine
 from curvescan.types import Pose
 
 if TYPE_CHECKING:
@@ -105,10 +105,7 @@ class Run:
         """Of odometry the occupancy, None where it would be too large; of SLAM and localization the SlamMap."""
         if isinstance(self.engine, Localizer):
             return self.engine.map
-        maps = self.maps
-        if maps is None:
-            deskewed = is_deskewed(self.engine)
-            maps = maps_of(self.record, self.scans, is_deskewed=deskewed, cell=None, occupancy=self.occupancy)
+        maps = self.maps or maps_of_run(self, cell=None)
         return with_grid(self.engine.map, maps, self.occupancy) if isinstance(self.engine, Slam) else maps.grid
 
     @property

@@ -20,6 +20,8 @@ from curvescan.configs import as_plain
 from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import storage_files
 from curvescan.io.trajectories.layouts import write_csv, write_tum
+from curvescan.io.trajectories.relations import write_g2o
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.mapping.run_maps import RunMaps, build_maps
@@ -27,7 +29,7 @@ from curvescan.odometry import Odometry, RunRecord, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.odometry.step import IN_MAP
 from curvescan.plots.map import draw_graph, draw_map, draw_occupancy, draw_wheels
-from curvescan.runs.graph_files import describe_graph, save_graph, write_closures, write_view_file
+from curvescan.runs.graph_files import describe_graph, write_closures, write_view_file
 from curvescan.runs.odometry_process import OdometryProcess
 from curvescan.slam import Localizer, Slam
 from curvescan.slam.map import SlamMap
@@ -48,34 +50,38 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     record, engine = run.record, run.engine
     write_tum(folder / "trajectory.tum", record.trajectory)
     write_csv(folder / "trajectory.csv", record.trajectory, [o.name.lower() for o in record.outcomes])
-    title = title_of(run)
+    n, what = len(record.outcomes), {Slam: "SLAM", Localizer: "localization"}.get(type(engine), "")
+    title = ", ".join(filter(None, (f"{run.log.name}: {n:,} scans", record.method, what)))
+    title += f" (partial: interrupted, {len(run.log):,} scans in all)" * record.is_partial
     graph = engine.map if isinstance(engine, Slam) else None
     drawn = None
     if helper is not None and run.maps is None:
         light = dataclasses.replace(record, steps=())
         drawn = helper.call_after(_draw_places, folder, light, run.scans, is_deskewed(engine), title, run.truth, graph)
-    maps = run.maps or _maps_of_run(run, is_drawn=drawn is None)
+    maps = run.maps or maps_of_run(run, cell=0.05 if drawn is None else None)
     if maps.grid is not None:
         write_map(folder, maps.grid)
-        draw_occupancy(folder / "occupancy.png", maps.grid, known_poses(record), title=f"{title}: occupancy")
+        known = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
+        draw_occupancy(folder / "occupancy.png", maps.grid, known, title=f"{title}: occupancy")
     if drawn is None:
         _draw(folder, record, run.scans, maps, title, run.truth, graph)
     if isinstance(engine, Slam):
         write_tum(folder / "trajectory_online.tum", record.online)
         slam_map = with_grid(engine.map, maps, run.occupancy)
         slam_map.save(folder / "map.csmap")
-        save_graph(folder, slam_map)
+        keyframes = Trajectory(stamps=np.array([scan.stamp for scan in slam_map.scans]), poses=slam_map.poses)
+        write_g2o(folder / "graph.g2o", keyframes, slam_map.edges)
         write_closures(folder / "closures.csv", engine.closures)
         write_view_file(
             folder,
             run.scans,
-            len(record.outcomes),
+            n,
             odometry=record.odometry.poses,
-            keyframe_numbers=engine.backend.keyframes.numbers,
+            keyframe_numbers=engine.keyframes.numbers,
             keyframe_scans=engine.keyframe_scans(),
         )
     elif isinstance(engine, Odometry):
-        write_view_file(folder, run.scans, len(record.outcomes))
+        write_view_file(folder, run.scans, n)
     if drawn is not None:
         drawn()
     write_record(folder, describe_run(run, maps))
@@ -95,10 +101,10 @@ def maps_of(
     return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=occupancy)
 
 
-def _maps_of_run(run: Run, *, is_drawn: bool) -> RunMaps:
+def maps_of_run(run: Run, *, cell: float | None) -> RunMaps:
+    """Return the maps of a run, and its occupancy; of localization the map that it is in."""
     if isinstance(run.engine, Localizer):
         return RunMaps(standing=run.engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
-    cell = 0.05 if is_drawn else None
     return maps_of(run.record, run.scans, is_deskewed=is_deskewed(run.engine), cell=cell, occupancy=run.occupancy)
 
 
@@ -125,20 +131,6 @@ def _draw(
         draw_wheels(folder / "wheels.png", log, log.odometry.poses[:n], title=f"{log.name}: by wheel odometry alone")
     if graph is not None:
         draw_graph(folder / "graph.png", graph, maps.standing, title=f"{title}: pose graph")
-
-
-def title_of(run: Run) -> str:
-    """Return the title of the pictures of a run: the log, the method, and what ran."""
-    n, n_whole = len(run.record.outcomes), len(run.log)
-    what = {Slam: "SLAM", Localizer: "localization"}.get(type(run.engine), "")
-    title = ", ".join(filter(None, (f"{run.log.name}: {n:,} scans", run.record.method, what)))
-    return title + f" (partial: interrupted, {n_whole:,} scans in all)" * run.record.is_partial
-
-
-def known_poses(record: RunRecord) -> Pose:
-    """Return the poses that are known."""
-    poses = record.trajectory.poses
-    return poses[np.isfinite(poses[:, 0])]
 
 
 def describe_run(run: Run, maps: RunMaps) -> dict[str, object]:

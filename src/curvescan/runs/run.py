@@ -3,8 +3,8 @@
 import os
 import pickle
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -52,7 +52,7 @@ _HINT = "the configuration of the matcher is given as matcher="
 class RunDisplay(Protocol):
     """What shows how far a run has come."""
 
-    def begin(self, stage: str, n_steps: int) -> None:
+    def begin(self, stage: str, n_steps: int) -> object:
         """Begin a stage of so many steps; 0: its length is not known."""
 
     def advance(self) -> None:
@@ -162,18 +162,33 @@ def run(
     if exports and out is None:
         raise InvalidArgumentError(f"exports {list(exports)} are files of a folder: give out=")
     given: Any = config  # of the engine's class, or its fields
+    new: _NewEngine
     if engine == "odometry":
-        new, deskew = _new_odometry(method, as_config(given, OdometryConfig.of_method(method), hint=_HINT), matcher)
+        rules = as_config(given, OdometryConfig.of_method(method), hint=_HINT)
+        deskew = rules.deskew
+
+        def new(deskew: bool) -> Odometry:
+            return Odometry(method, config=replace(rules, deskew=deskew), matcher=matcher)
+
     else:
-        begun = None if map is None else as_map(map)
-        new, deskew = _new_slam(method, as_config(given, SlamConfig(), hint=_HINT), matcher, begun)
+        slam_rules, begun = as_config(given, SlamConfig(), hint=_HINT), None if map is None else as_map(map)
+        deskew = slam_rules.odometry.deskew
         exports = [name for name in exports if name != "g2o"]  # the graph is written as it is
+
+        def new(deskew: bool) -> Slam:
+            return Slam(method, matcher=matcher, config=_deskewing(slam_rules, deskew), map=begun)
+
     options["keeps_steps"] = options.get("keeps_steps", True) or takes_edges(exports)
     options["n_processes"] = options.get("n_processes", 2) if engine == "slam" else 1
     result = _run(log, new, options, stage=_STAGES[engine], deskew=deskew, out=out, inputs=_files(map))
     if exports and out is not None:
         (options.get("display") or Silent()).begin("exporting", 0)
-        result = _export(result, out, exports)
+        # on their own, so that an error here does not cost the results
+        with output_folder(out, inputs=result.inputs) as folder:
+            edges = edges_of(result.steps) if takes_edges(exports) else ()
+            files = write_exports(folder, exports, RunData(result.trajectory, edges, result.scans))
+            list_further_files(folder, Path(out))
+        result = replace(result, files=(*result.files, *files))
     return result
 
 
@@ -223,24 +238,6 @@ def localize(
 _NewEngine: TypeAlias = Callable[[bool], Engine]  # makes an engine that deskews, or not
 
 
-def _new_odometry(method: str, rules: OdometryConfig, matcher: MatcherConfig | None) -> tuple[_NewEngine, bool]:
-    """Return what makes the engine, and whether it is to deskew."""
-
-    def new(deskew: bool) -> Odometry:
-        return Odometry(method, config=replace(rules, deskew=deskew), matcher=matcher)
-
-    return new, rules.deskew
-
-
-def _new_slam(
-    method: str, rules: SlamConfig, matcher: MatcherConfig | None, begun: SlamMap | None
-) -> tuple[_NewEngine, bool]:
-    def new(deskew: bool) -> Slam:
-        return Slam(method, matcher=matcher, config=_deskewing(rules, deskew), map=begun)
-
-    return new, rules.odometry.deskew
-
-
 def _files(map: SlamMap | OccupancyGrid | PathLike | None) -> tuple[Path, ...]:  # noqa: A002
     return () if map is None or isinstance(map, SlamMap | OccupancyGrid) else (Path(map),)
 
@@ -265,7 +262,9 @@ def _run(
     opened, source = (read_log(log), log) if isinstance(log, str | os.PathLike) else (as_log(log), source)
     inputs = (*inputs, *(() if source is None else (Path(source),)))
     # first of all: a place that cannot be written costs no work
-    with _folder(out, inputs) as folder, _other_process(len(opened), options.get("n_processes", 1)) as other:
+    place = nullcontext() if out is None else output_folder(out, inputs=inputs)
+    helper = options.get("n_processes", 1) > 1 and can_run_ahead(len(opened))
+    with place as folder, OdometryProcess() if helper else nullcontext() as other:
         shown.begin("looking for what is wrong with the log", 0)
         prior, as_is = options.get("odometry_prior"), options.get("as_is", False)
         prepared = prepare_log(HeldLog(opened), odometry_prior=prior, as_is=as_is, is_order_needed=deskew)
@@ -310,29 +309,3 @@ def load_kernels(engine: Engine, scans: Iterable[LaserScan], odometry_poses: Pos
     copied: Odometry = pickle.loads(pickle.dumps(odometry_of(engine)))
     deque(in_turn(copied, islice(scans, _N_FIRST), odometry_poses), maxlen=0)
     watch.report()
-
-
-def _export(result: Run, out: PathLike, exports: Sequence[ExportName]) -> Run:
-    """Write exports into the folder of a run; on their own, so that an error here does not cost the results."""
-    data = RunData(
-        trajectory=result.trajectory, edges=edges_of(result.steps) if takes_edges(exports) else (), scans=result.scans
-    )
-    with output_folder(out, inputs=result.inputs) as folder:
-        files = write_exports(folder, exports, data)
-        list_further_files(folder, Path(out))
-    return replace(result, files=(*result.files, *files))
-
-
-@contextmanager
-def _folder(out: PathLike | None, inputs: Sequence[Path]) -> Iterator[Path | None]:
-    if out is None:
-        yield None
-    else:
-        with output_folder(out, inputs=inputs) as folder:
-            yield folder
-
-
-def _other_process(n_scans: int, n_processes: int) -> AbstractContextManager[OdometryProcess | None]:
-    if n_processes == 1 or not can_run_ahead(n_scans):
-        return nullcontext()
-    return OdometryProcess()

@@ -80,7 +80,8 @@ class ScanPairs(Sequence[ScanPair]):
         rng = np.random.default_rng(child(seed, PEOPLE))
         circles = [crowd(world, pose, self.sensor, self.people_share, self.people, rng) for pose in poses]
         n_circles = max(len(one) for one in circles)
-        padded = np.array([_padded(one, n_circles) for one in circles])
+        # filled up with tiny ones that are far out of sight
+        padded = np.array([np.vstack([c, np.tile([1e6, 1e6, 1e-3], (n_circles - len(c), 1))]) for c in circles])
         ranges, _, is_person = observe(world, poses, self.sensor, padded, seed)
         return ScanPair(
             reference=as_scan(ranges[0], self.sensor, 0.0),
@@ -101,8 +102,7 @@ class ScanPairs(Sequence[ScanPair]):
             is_free = world.is_free(xy, self.clearance) & world.is_free(cur[:, :2], self.clearance)
             for k in np.flatnonzero(is_free):
                 poses = np.array([ref[k], cur[k]])
-                nobody = np.empty((2, 0, 3))
-                _, exact, _ = observe(world, poses, self.sensor, nobody, 0)
+                _, exact, _ = observe(world, poses, self.sensor, np.empty((2, 0, 3)), 0)
                 if np.all(np.mean(exact <= self.sensor.range_max, axis=1) >= self.sight_share):
                     return poses
         raise InvalidArgumentError(
@@ -165,9 +165,3 @@ def _motion(translation_max: float, rotation_max: float, seed: np.random.SeedSeq
     share, turn, along = np.random.default_rng(seed).random(3)
     radius, bearing = translation_max * np.sqrt(share), 2.0 * np.pi * turn
     return np.array([radius * np.cos(bearing), radius * np.sin(bearing), rotation_max * (2.0 * along - 1.0)])
-
-
-def _padded(circles: Floats, n_circles: int) -> Floats:
-    """Return circles filled up with tiny ones that are far out of sight."""
-    far = np.tile([1e6, 1e6, 1e-3], (n_circles - len(circles), 1))
-    return np.vstack([circles, far])

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import InvalidArgumentError, require
 from curvescan.io.files.lines import ReadError
 from curvescan.io.log import ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -50,7 +50,7 @@ class Simulation(ScanAccess):
         return len(self.ranges)
 
     def __iter__(self) -> Iterator[LaserScan]:
-        return (self._scan_at(i) for i in range(len(self)))
+        return map(self._scan_at, range(len(self)))
 
     def __repr__(self) -> str:
         return f"Simulation({self.name!r}: {len(self):,} scans of {self.sensor.name} in {self.world.name})"
@@ -101,18 +101,25 @@ def simulate(
         When a name is unknown, a number out of range, or the world has no room for the robot.
     """
     sensor = choose_sensor(sensor)
-    if n_scans is not None and n_scans < 1:
-        raise InvalidArgumentError(f"n_scans must be >= 1, got {n_scans}")
-    if n_people < 0:
-        raise InvalidArgumentError(f"n_people must be >= 0, got {n_people}")
+    require(n_scans is None or n_scans >= 1, "n_scans must be >= 1", n_scans)
+    require(n_people >= 0, "n_people must be >= 0", n_people)
     world = build_world(world, child(seed, WORLD))
     if poses is not None:
         truth = _given(poses, n_scans)
     else:
-        truth = _driven(world, drive or Drive(), sensor.period, n_scans, np.random.default_rng(child(seed, PATH)))
+        drive, rng = drive or Drive(), np.random.default_rng(child(seed, PATH))
+        if n_scans is None and (drive.path == "home" or len(world.route) < 2):
+            n_scans = _DEFAULT_SCANS
+        if drive.path == "home" and n_scans is not None:
+            truth = drive_home(world, drive, sensor.period, rng, n_scans)
+        else:
+            truth = drive_route(world, drive, sensor.period, rng, n_scans)
     stamps: Floats = sensor.period * np.arange(len(truth), dtype=np.float64)
     circles = walk(world, truth, n_people, People(), sensor.period, child(seed, PEOPLE))
-    velocities = _velocities(truth, sensor.period) if sensor.time_increment else None
+    velocities = None
+    if sensor.time_increment:  # after each pose, in the sensor's own frame; after the last as before it
+        steps = se2.log(se2.between(truth[:-1], truth[1:])) / sensor.period
+        velocities = np.vstack([steps, steps[-1:] if len(steps) else np.zeros((1, 3))])
     ranges, exact, is_person = observe(world, truth, sensor, circles, seed, velocities=velocities)
     odometry = None
     if odometry_noise is not None:
@@ -184,12 +191,6 @@ def as_scan(ranges: Floats, sensor: Sensor, stamp: float) -> LaserScan:
     )
 
 
-def _velocities(poses: Pose, period: float) -> Floats:
-    """Return (n, 3) the velocity of the sensor after each pose, in its own frame; after the last as before it."""
-    steps = se2.log(se2.between(poses[:-1], poses[1:])) / period
-    return np.vstack([steps, steps[-1:] if len(steps) else np.zeros((1, 3))])
-
-
 def _given(poses: ArrayLike, n_scans: int | None) -> Pose:
     truth = np.array(poses, dtype=np.float64)
     if truth.ndim != 2 or truth.shape[1] != 3 or not len(truth) or not np.isfinite(truth).all():
@@ -197,11 +198,3 @@ def _given(poses: ArrayLike, n_scans: int | None) -> Pose:
     if n_scans is not None and n_scans > len(truth):
         raise InvalidArgumentError(f"n_scans is {n_scans}, but only {len(truth)} poses are given")
     return truth[:n_scans]
-
-
-def _driven(world: World, drive: Drive, period: float, n_scans: int | None, rng: np.random.Generator) -> Pose:
-    if n_scans is None and (drive.path == "home" or len(world.route) < 2):
-        n_scans = _DEFAULT_SCANS
-    if drive.path == "home" and n_scans is not None:
-        return drive_home(world, drive, period, rng, n_scans)
-    return drive_route(world, drive, period, rng, n_scans)

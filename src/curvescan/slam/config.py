@@ -15,6 +15,10 @@ GATE = 16.0
 """Squared Mahalanobis distance up to which two estimates may be of one pose, and beyond which an edge loses its weight:
 chi-square of 3 degrees of freedom, 99.9 %."""
 
+KEPT = 0.4
+"""Share of the variance of a match that belongs to the edge; the rest is the keyframes' own noise, which is common to
+all of their edges. Measured in simulation for the odometry."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class KeyframesConfig:
@@ -24,11 +28,6 @@ class KeyframesConfig:
     """A new keyframe is due this far from the last one, metres."""
     turn: float = 0.5
     """A new keyframe is due when the sensor has turned by this much, radians."""
-    vague: float = 0.3
-    """A new keyframe is due when the way since the last one is known no better than this, metres: along a bare corridor
-    the odometry may stand still while the sensor moves."""
-    n_linked: int = 3
-    """Preceding keyframes that a new one is matched with."""
     n_lost: int = 8
     """Scans in a row that neither a match nor wheels place, after which nothing is known of the motion: the next
     keyframe begins a fragment."""
@@ -36,10 +35,8 @@ class KeyframesConfig:
     """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
 
     def __post_init__(self) -> None:
-        for name in ("distance", "turn", "vague"):
-            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("n_linked", "n_lost", "n_prepared"):
-            require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
+        _require_positive(self, "distance", "turn")
+        _require_counts(self, "n_lost", "n_prepared")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,28 +46,20 @@ class PlacesConfig:
     n_keyframes: int = 4
     """Newer keyframes of the same place from which on an older one goes."""
     radius: float = 0.4
-    """Keyframes this near to each other show the same place, metres."""
-    turn: float = 0.4
-    """They also look the same way within this, radians."""
+    """Keyframes this near to each other show the same place, metres; they also look the same way within as many
+    radians."""
     n_newest: int = 30
     """The newest keyframes stay in any case."""
-    n_logged: int = 50_000
-    """Loop-closure candidates whose record is kept, the latest."""
 
     def __post_init__(self) -> None:
-        for name in ("radius", "turn"):
-            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("n_keyframes", "n_newest", "n_logged"):
-            require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
+        _require_positive(self, "radius")
+        _require_counts(self, "n_keyframes", "n_newest")
 
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseConfig:
     """Noise: what the covariances of matches and motions leave out."""
 
-    kept: float = 0.4
-    """Share of the variance of a match that belongs to the edge; the rest is the keyframes' own noise, which is common
-    to all of their edges. Measured in simulation for the odometry."""
     floor_m: float = 0.005
     """Error of a match besides its covariance, metres and axis."""
     floor_rad: float = 0.002
@@ -79,9 +68,7 @@ class NoiseConfig:
     """The odometry slips by this share of the way since a match of keyframes last measured all of the motion."""
 
     def __post_init__(self) -> None:
-        require(0.0 < self.kept <= 1.0, "kept must lie in (0, 1]", self.kept)
-        for name in ("floor_m", "floor_rad", "slip"):
-            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+        _require_positive(self, "floor_m", "floor_rad", "slip")
 
     @cached_property
     def floor(self) -> Cov:
@@ -108,11 +95,7 @@ class NoiseConfig:
 
     def edge(self, covariance: Cov) -> Cov:
         """Return the covariance of an edge by that of its match."""
-        return self.kept * covariance + self.floor
-
-    def common(self, edges: Cov) -> Cov:
-        """Return of (m, 3, 3) covariances of edges without floor what each of both scans adds to all of its edges."""
-        return (1.0 - self.kept) / (2.0 * self.kept) * edges
+        return KEPT * covariance + self.floor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,19 +105,10 @@ class ClosuresConfig:
     reach: float = 2.5
     """Keyframes farther from each other than this are matched only where the graph knows their relative pose, metres:
     up to 6 m, where what they see should overlap."""
-    sigmas: float = 3.0
-    """A keyframe may lie this many standard deviations from where the graph has it."""
     certain_m: float = 0.25
     """Where the graph knows the relative pose of two keyframes better than this, metres, it guides their match."""
-    n_certain: int = 5
-    """Earlier keyframes of a known relative pose that a new one is matched with, at most."""
     min_overlap: float = 0.4
     """Least share of two scans that must be common for them to be matched, foretold from where the graph has them."""
-    n_uncertain: int = 6
-    """The same for those of a relative pose that is not well known."""
-    min_similarity: float = 0.4
-    """Least similarity by the place index, in [0, 1], of keyframes of a relative pose that is not well known. On Intel
-    and ACES, 2 % of 2,758 candidates below it were of use."""
     matches_per_scan: int = 3
     """Matches made for each scan that is added; the rest waits."""
     min_score: float = 0.25
@@ -144,35 +118,12 @@ class ClosuresConfig:
     log_odds: float = 8.0
     """Least log odds of a closure, or of a set of them that agree: its matches' own, where the graph expects it, less
     what contradicts it."""
-    most_log_odds: float = 14.0
-    """Most that the matches of a set say together, log odds: one building in a million looks the same over a stretch of
-    the way."""
-    n_waiting: int = 200
-    """Matches that wait for others to agree with, at most."""
 
     def __post_init__(self) -> None:
-        for name in ("reach", "sigmas", "certain_m", "log_odds", "most_log_odds"):
-            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_waiting"):
-            require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
-        for name in ("min_score", "min_confidence", "min_similarity"):
+        _require_positive(self, "reach", "certain_m", "log_odds")
+        _require_counts(self, "matches_per_scan")
+        for name in ("min_overlap", "min_score", "min_confidence"):
             require(0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in [0, 1]", getattr(self, name))
-
-
-@dataclass(frozen=True, kw_only=True)
-class OptimizerConfig:
-    """When the graph is optimized."""
-
-    n_least: int = 10
-    """Keyframes between two optimizations, unless a loop closes where the graph did not know the relative pose well."""
-    growth: float = 0.05
-    """Nor before the graph has grown by this share since the last time."""
-    n_adopt: int = 60
-    """Scans between the start of an optimization and its result; it runs beside them."""
-
-    def __post_init__(self) -> None:
-        require(self.growth > 0.0, "growth must be > 0", self.growth)
-        require(self.n_adopt >= 1, "n_adopt must be at least 1", self.n_adopt)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +138,15 @@ class SlamConfig:
     """Noise: what the covariances of matches and motions leave out."""
     closures: ClosuresConfig = field(default_factory=ClosuresConfig)
     """Loop closures: where they are searched, and which are accepted."""
-    optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
-    """When the graph is optimized."""
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """The odometry in front."""
+
+
+def _require_positive(config: object, *names: str) -> None:
+    for name in names:
+        require(getattr(config, name) > 0.0, f"{name} must be > 0", getattr(config, name))
+
+
+def _require_counts(config: object, *names: str) -> None:
+    for name in names:
+        require(getattr(config, name) >= 1, f"{name} must be at least 1", getattr(config, name))

@@ -15,19 +15,16 @@ from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.jobs import Problem, Solution, covariances_seen_from
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.belief import Belief
-from curvescan.slam.loops.closures import Closure, is_confident, measured
+from curvescan.slam.loops.closures import Closure, difference, is_confident, measured
 from curvescan.slam.loops.cycles import Chain
-from curvescan.slam.loops.likelihood import difference
 from curvescan.slam.map import SlamMap
-from curvescan.slam.pose_graph.components import components
-from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
-from curvescan.slam.thinning import Heirs, thin
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, components
+from curvescan.slam.thinning import Heir, thin, with_heirs
 from curvescan.types import Bools, Cov, Pose
 
 _MOST_VARIANCE = 30.0**2
 """Of a motion of which nothing is known, square metres: wider ones leave the information matrix without digits for the
 rest."""
-
 
 _NOTHING_KNOWN: Cov = np.diag([_MOST_VARIANCE, _MOST_VARIANCE, 10.0])
 """(3, 3) covariance of such a motion."""
@@ -40,27 +37,24 @@ class GrowingMap:
     ----------
     graph : PoseGraph
         Poses and edges.
-    heirs : Heirs
-        Keyframes that went.
+    gone : list of Heir
+        Keyframes that went, in their order.
     current : int
         The newest keyframe.
     since : UncertainPose
         It, seen from the newest one of the belief.
     fragments : list of int
         Of each keyframe.
-    n_loaded : int
-        Keyframes of a map that is continued.
     """
 
     def __init__(self, keyframes: Keyframes, config: SlamConfig) -> None:
         self.config = config
         self.keyframes = keyframes
         self.graph = PoseGraph()
-        self.heirs = Heirs()
+        self.gone: list[Heir] = []
         self.current = 0
         self.since = identity()
         self.fragments: list[int] = []
-        self.n_loaded = 0
         self._open_way = 0.0  # since a match of keyframes measured all of the motion, metres
         self._belief: Belief | None = None
         self._motions: list[UncertainPose] = []  # each keyframe seen from the one before
@@ -78,26 +72,20 @@ class GrowingMap:
 
     def load(self, slam_map: SlamMap) -> None:
         """Take a map to continue."""
-        self.n_loaded = len(slam_map)
-        for k in range(len(slam_map)):
-            index, session = int(slam_map.indices[k]), int(slam_map.sessions[k])
-            self.keyframes.add(slam_map.scans[k], index, session)
+        for k, scan in enumerate(slam_map.scans):
+            self.keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
             self.graph.add_pose(slam_map.poses[k])
             step = se2.between(slam_map.poses[max(k - 1, 0)], slam_map.poses[k])
             self._motions.append(UncertainPose(step, _NOTHING_KNOWN))
-        for k in range(len(slam_map.ends)):
-            i, j = slam_map.ends[k].tolist()
-            self.graph.add_edge(
-                i, j, slam_map.measured[k], slam_map.edge_covariances[k],
-                EdgeKind(int(slam_map.kinds[k])), float(slam_map.weights[k]),
-            )  # fmt: skip
-            if j == i + 1 and slam_map.kinds[k] != EdgeKind.CLOSURE:
-                step = self._motions[j].pose
-                self._motions[j] = UncertainPose(step, slam_map.edge_covariances[k])
+        for k, (i, j) in enumerate(slam_map.ends.tolist()):
+            pose, covariance, kind = slam_map.measured[k], slam_map.edge_covariances[k], EdgeKind(slam_map.kinds[k])
+            self.graph.add_edge(i, j, pose, covariance, kind, float(slam_map.weights[k]))
+            if j == i + 1 and kind != EdgeKind.CLOSURE:
+                self._motions[j] = UncertainPose(self._motions[j].pose, covariance)
         self.fragments = components(self.graph.ends, self.graph.n_poses).tolist()
 
     def start(self, scan: LaserScan, index: int, pose: Pose, session: int) -> int:
-        """Take a keyframe that nothing ties to those before it, and return its row; see :meth:`Backend.start`."""
+        """Begin a fragment: take a keyframe that nothing ties to those before it, and return its row."""
         k = self.keyframes.add(scan, index, session)
         self.graph.add_pose(pose)
         self.fragments.append(max(self.fragments, default=-1) + 1)
@@ -107,23 +95,14 @@ class GrowingMap:
         return k
 
     def append(self, scan: LaserScan, index: int, motion: UncertainPose) -> int:
-        """Take the next keyframe and return its row; see :meth:`Backend.add_keyframe`."""
-        before = self.current
-        k = self.keyframes.add(scan, index, self.keyframes[before].session)
-        self.fragments.append(self.fragments[before])
-        motion = self._link(before, k, motion)
-        self._motions.append(motion)
-        self.since = compose(self.since, motion)
-        self.current = k
-        return k
+        """Take the next keyframe, tie it to the one before it, and return its row.
 
-    def _link(self, before: int, k: int, motion: UncertainPose) -> UncertainPose:
-        """Tie a keyframe to the one before it, and return how it lies to that.
-
-        The match counts in the directions that it measures, the odometry's motion in the others; where the two
+        The match of both counts in the directions that it measures, the odometry's motion in the others; where the two
         contradict each other the motion counts, and is as uncertain as they differ.
         """
-        noise = self.config.noise
+        noise, before = self.config.noise, self.current
+        k = self.keyframes.add(scan, index, self.keyframes[before].session)
+        self.fragments.append(self.fragments[before])
         share = _MOST_VARIANCE / max(float(motion.cov[0, 0]), _MOST_VARIANCE)
         step = noise.slipped(UncertainPose(motion.pose, share * motion.cov), self._open_way)
         self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
@@ -141,7 +120,9 @@ class GrowingMap:
                 step = UncertainPose(step.pose, step.cov + np.outer(off, off))
         self.graph.add_pose(se2.compose(self.graph.poses[before], step.pose))
         self.graph.add_edge(before, k, step.pose, step.cov, kind)
-        return step
+        self._motions.append(step)
+        self.current, self.since = k, compose(self.since, step)
+        return k
 
     def along(self, i: int, j: int) -> UncertainPose:
         """Return keyframe j seen from an earlier one along the keyframes between them."""
@@ -163,7 +144,7 @@ class GrowingMap:
         if self.fragments[i] != self.fragments[j]:
             self._join(closure)
         self.graph.add_edge(i, j, closure.pose, closure.covariance, EdgeKind.CLOSURE)
-        if not self.belief.knows(i) or self.belief.knows(j):
+        if i >= self.belief.n or j < self.belief.n:
             return
         by_closure = compose(inverse(self.belief.last_seen_from(i)), UncertainPose(closure.pose, closure.covariance))
         self.since, _ = fuse(self.since, compose(by_closure, self.along(j, self.current)))
@@ -190,59 +171,50 @@ class GrowingMap:
         """Take the poses of an optimization; keyframes that came since move along with the one they hang on."""
         n, k = len(solution.poses), solution.current
         later = se2.between(self.graph.poses[k], self.graph.poses[n:])
-        onward = self.along(k, self.current)
+        self.since = self.along(k, self.current)
         self.graph.poses[:n] = solution.poses
         self.graph.poses[n:] = se2.compose(solution.poses[k], later)
         self.graph.weights[: len(solution.weights)] = solution.weights
-        self._belief = Belief(k, solution.poses, solution.covariances)
-        self.since = onward
+        self._belief = Belief.of(k, solution.poses, solution.covariances)
 
-    def thin(self) -> Bools | None:
-        """Let the oldest keyframes of places that hold too many go, and return which rows stay; None where all do."""
+    def thin(self) -> tuple[Bools, list[int]]:
+        """Let the oldest keyframes of places that hold too many go; return which rows stay, and the others' numbers."""
         rules, belief = self.config.places, self.belief
         n_settled = min(belief.k, belief.n, self.graph.n_poses - rules.n_newest)
         is_kept, gone = thin(self.graph, np.asarray(self.fragments), n_settled, rules)
-        if not gone:
-            return None
         numbers = self.keyframes.numbers.tolist()
         for v, (heir, seen) in gone.items():
-            self.heirs.add(numbers[v], numbers[heir], seen)
+            self.gone.append(Heir(numbers[v], numbers[heir], seen))
             self._motions[v + 1] = compose(self._motions[v], self._motions[v + 1])
-        self.graph.keep_poses(is_kept)
-        self.keyframes.keep(is_kept)
-        rows = np.flatnonzero(is_kept).tolist()
-        self.fragments = [self.fragments[k] for k in rows]
-        self._motions = [self._motions[k] for k in rows]
-        belief.keep(is_kept[: belief.n])
-        self.current = int(np.count_nonzero(is_kept[: self.current]))
-        return is_kept
+        if gone:
+            self.graph.keep_poses(is_kept)
+            self.keyframes.keep(is_kept)
+            rows = np.flatnonzero(is_kept).tolist()
+            self.fragments = [self.fragments[k] for k in rows]
+            self._motions = [self._motions[k] for k in rows]
+            self._belief = belief.kept(is_kept[: belief.n])
+            self.current = int(np.count_nonzero(is_kept[: self.current]))
+        return is_kept, [numbers[v] for v in gone]
 
     def current_in_map(self) -> UncertainPose:
         """Return where the newest keyframe is in the map."""
         from_first = compose(self.belief.last_seen_from(0), self.since)
-        first = self.graph.poses[0]
-        in_map = compose(UncertainPose(first, np.zeros((3, 3))), from_first)
+        in_map = compose(UncertainPose(self.graph.poses[0], np.zeros((3, 3))), from_first)
         return UncertainPose(self.graph.poses[self.current], in_map.cov)
 
     def covariances(self) -> Cov:
         """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly."""
         if self.graph.n_poses == 0:
             return np.empty((0, 3, 3))
-        return covariances_seen_from(Problem.of(self.graph, 0), self.config.noise)
-
-    @property
-    def n_fragments(self) -> int:
-        """Parts of the graph that nothing joins."""
-        return len(set(self.fragments))
+        return covariances_seen_from(Problem.of(self.graph), self.config.noise)
 
     def placed(self) -> tuple[Pose, Cov]:
         """Return poses and covariances of all keyframes there ever were, by number."""
-        return self.heirs.placed(self.keyframes.numbers, self.graph.poses, self.covariances())
+        return with_heirs(self.gone, self.keyframes.numbers, self.graph.poses, self.covariances())
 
     def snapshot(self) -> SlamMap:
         """Return the map as it is now."""
-        graph, keyframes = self.graph, self.keyframes
-        everyone = [keyframes[k] for k in range(len(keyframes))]
+        graph, everyone = self.graph, list(self.keyframes)
         return SlamMap(
             scans=tuple(keyframe.scan for keyframe in everyone),
             poses=graph.poses.copy(),
@@ -251,7 +223,7 @@ class GrowingMap:
             sessions=np.array([keyframe.session for keyframe in everyone], dtype=np.int64),
             ends=graph.ends.copy(),
             measured=graph.measured.copy(),
-            edge_covariances=graph.covariances.copy(),
+            edge_covariances=graph.edge_covariances.copy(),
             kinds=graph.kinds.copy(),
             weights=graph.weights.copy(),
         )

@@ -27,15 +27,14 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.localization.correlative import STEP_M, contour_length
+from curvescan.slam.localization.correlative import STEP_M, contour_length, is_same
 from curvescan.slam.localization.grid_map import opened, with_field
-from curvescan.slam.localization.matching import Hit, MapMatcher, fused
+from curvescan.slam.localization.matching import Hit, MapMatcher, fused, points_of
 from curvescan.slam.localization.prior import Prior
-from curvescan.slam.localization.search import MapSearch, Place, Views, is_same, said
+from curvescan.slam.localization.search import MapSearch, Place, Views, said
 from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.map import SlamMap
-from curvescan.slam.pose_graph.relative import UNMEASURED, between_steps
-from curvescan.types import Cov, Points
+from curvescan.slam.open_drive import UNMEASURED, between_steps
 
 _SEARCHED = np.diag(np.square([0.5 * STEP_M, 0.5 * STEP_M, 0.06]))
 """Covariance of a pose that the search found, as a guess for matches: metres and radians."""
@@ -139,8 +138,7 @@ class Localizer:
         self._deskewer = self._deskewer.ticked(scan)
         is_unmeasured = step.outcome in UNMEASURED
         self._n_lost = self._n_lost + 1 if is_unmeasured else 0
-        is_doubtful = step.match is not None and not is_confident(step.match, self.config)
-        is_doubtful |= is_unmeasured
+        is_doubtful = is_unmeasured or (step.match is not None and not is_confident(step.match, self.config))
         self._is_torn |= is_doubtful
         if step.outcome is StepOutcome.LOST or self._n_lost >= self.config.keyframes.n_lost:
             self._here = None
@@ -154,12 +152,6 @@ class Localizer:
             localized = self._track(scan, step, self._here, self._anchor)
         self._last = step
         return localized
-
-    def _deskewed(self, scan: LaserScan, step: Step) -> LaserScan:
-        """Return the scan as the map's keyframes are: deskewed by the motion since the one before."""
-        if self._last is None or not self.config.odometry.deskew:
-            return scan
-        return self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
 
     def locate(self, scan: LaserScan) -> tuple[Hit, ...]:
         """Return where one scan alone is in the map: matches with keyframes there; none where it is not sure.
@@ -178,76 +170,63 @@ class Localizer:
             views, at = self._views
             before = views, between_steps(at, step)
             if self._is_near(before[1], 0.7):
-                return _as_step(step, _NOWHERE, _NOWHERE.cov, StepOutcome.SEARCHING)
+                return self._at(step, StepOutcome.SEARCHING)
         self._is_torn = False
         scan = self._deskewed(scan, step)
         similar = self._matching.similar(scan, self._n_tried)
         views = self._views_of(scan, prior=self._prior, before=before, matched=similar)
         self._views = views, step
         hits = self._confirmed(scan, views.winner, similar)
-        if not hits:
-            return _as_step(step, _NOWHERE, _NOWHERE.cov, StepOutcome.SEARCHING)
-        return self._take(step, fused(hits), StepOutcome.FOUND, hits[0].keyframe)
-
-    def _confirmed(self, scan: LaserScan, place: Place | None, similar: Sequence[Hit] = ()) -> list[Hit]:
-        """Return matches that put a scan at a place; none where they leave a direction open."""
-        if place is None:
-            return []
-        searched = UncertainPose(place.pose, _SEARCHED)
-        found, _ = self._matching.around(scan, searched)
-        tried = {hit.keyframe for hit in found}
-        found += [hit for hit in similar if hit.keyframe not in tried and is_same(place.pose, hit.here.pose)]
-        if not found:
-            return []
-        points, field = _points(scan), self._search.field
-        hits = self._matching.settled(points, self._matching.held(points, searched, found))
-        here = fused(hits)
-        fit, least = field.agreement(points, here.pose).score, _LEAST_FIT
-        # unless the map does not agree with its own keyframes there
-        worse = max(_WORSE_FIT, self._matching.misfit(hits[0].keyframe))
-        least = max(least, place.fit - worse)
-        if self._matching.is_open(here) or fit < least or not is_same(place.pose, here.pose):
-            return []
-        return hits
+        return self._take(step, StepOutcome.FOUND, fused(hits), hits) if hits else self._at(step, StepOutcome.SEARCHING)
 
     def _track(self, scan: LaserScan, step: Step, here: UncertainPose, anchor: Step) -> Step:
         """Follow the sensor from where it was."""
         moved = between_steps(anchor, step)
         expected = compose(here, moved)
         if self._is_near(moved, 0.5) and not self._is_torn and self._n_missed == 0:
-            return self._at(step, expected, StepOutcome.TRACKED)
-        deskewed = self._deskewed(scan, step)
-        points = _points(deskewed)
+            return self._at(step, StepOutcome.TRACKED, expected)
+        scan = self._deskewed(scan, step)
+        points, field = points_of(scan), self._matching.field
         # after a motion in doubt no other place may agree as well
-        alone = self._views_of(deskewed, prior=self._prior) if self._is_torn else None
+        alone = self._views_of(scan, prior=self._prior) if self._is_torn else None
         vague = self.config.noise.doubled(expected)
-        found, is_due = self._matching.around(deskewed, vague, seen_from=self._keyframe)
+        found, is_due = self._matching.around(scan, vague, seen_from=self._keyframe)
         hits = self._matching.settled(points, found)
+        now = expected
         if hits:
-            before = self._matching.seen_from(expected, self._keyframe, hits[0])
-            now, _ = fuse(before, fused(hits))
-            view = self._search.field.agreement(points, now.pose)
-            if view.score > 0.0 and (alone is None or alone.is_best(now.pose, view.score)):
-                return self._take(
-                    step, now, StepOutcome.TRACKED, hits[0].keyframe, said(contour_length(points), view.score)
-                )
-        else:
-            view = self._search.field.agreement(points, expected.pose)
-        self._n_missed += is_due or view.score < 0.0 or self._is_torn
+            now, _ = fuse(self._matching.seen_from(expected, self._keyframe, hits[0]), fused(hits))
+        fit = field.agreement(points, now.pose).score
+        prior = float(self._search.known(self._prior, now.pose[np.newaxis])[0])
+        if hits and fit > 0.0 and (alone is None or alone.is_best(now.pose, fit + prior)):
+            return self._take(step, StepOutcome.TRACKED, now, hits, said(contour_length(points), fit))
+        self._n_missed += is_due or fit < 0.0 or self._is_torn
         elsewhere: list[Hit] = []
         if self._n_missed:
-            elsewhere = self._confirmed(deskewed, (alone or self._views_of(deskewed, prior=self._prior)).winner)
+            elsewhere = self._confirmed(scan, (alone or self._views_of(scan, prior=self._prior)).winner)
         if elsewhere:
-            return self._take(step, fused(elsewhere), StepOutcome.FOUND, elsewhere[0].keyframe)
+            return self._take(step, StepOutcome.FOUND, fused(elsewhere), elsewhere)
         if self._n_missed >= self.config.keyframes.n_lost:
             self._here, self._views = None, None
             return self._look(scan, step)
-        return self._at(step, expected, StepOutcome.PREDICTED)
+        return self._at(step, StepOutcome.PREDICTED, expected)
 
-    def _is_near(self, moved: UncertainPose, share: float) -> bool:
-        """Return whether a motion is less than a share of what makes a new keyframe due."""
-        rules, (x, y, theta) = self.config.keyframes, moved.pose.tolist()
-        return bool(np.hypot(x, y) < share * rules.distance and abs(theta) < share * rules.turn)
+    def _confirmed(self, scan: LaserScan, place: Place | None, similar: Sequence[Hit] = ()) -> list[Hit]:
+        """Return matches that put a scan at a place; none where they leave a direction open."""
+        if place is None:
+            return []
+        matching, points = self._matching, points_of(scan)
+        searched = UncertainPose(place.pose, _SEARCHED)
+        found, _ = matching.around(scan, searched)
+        tried = {hit.keyframe for hit in found}
+        found += [hit for hit in similar if hit.keyframe not in tried and is_same(place.pose, hit.here.pose)]
+        if not found:
+            return []
+        hits = matching.settled(points, matching.held(points, searched, found))
+        here = fused(hits)
+        # unless the map does not agree with its own keyframes there
+        worse = max(_WORSE_FIT, matching.misfit(hits[0].keyframe))
+        is_worse = matching.field.agreement(points, here.pose).score < max(_LEAST_FIT, place.fit - worse)
+        return [] if is_worse or matching.is_open(here) or not is_same(place.pose, here.pose) else hits
 
     def _views_of(
         self,
@@ -263,35 +242,40 @@ class Localizer:
             keyframes = self._keyframes
             seen = keyframes.signature(keyframes.prepare(scan))
             similarity = keyframes.index.most_similar(seen, len(keyframes))
-        return self._search.look(_points(scan), prior=prior, before=before, similarity=similarity, matched=matched)
+        return self._search.look(points_of(scan), prior=prior, before=before, similarity=similarity, matched=matched)
 
-    def _take(self, step: Step, here: UncertainPose, outcome: StepOutcome, keyframe: int, view: float = 0.0) -> Step:
-        self._here, self._anchor, self._keyframe = here, step, keyframe
-        before, area = self._prior, self._search.area
-        is_expected = before is not None and before.log_odds(here.pose[np.newaxis], area)[0] > 0.0
-        self._prior = before.confirmed(here, view) if before is not None and is_expected else Prior(here=here)
+    def _deskewed(self, scan: LaserScan, step: Step) -> LaserScan:
+        """Return the scan as the map's keyframes are: deskewed by the motion since the one before."""
+        if self._last is None or not self.config.odometry.deskew:
+            return scan
+        return self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
+
+    def _is_near(self, moved: UncertainPose, share: float) -> bool:
+        """Return whether a motion is less than a share of what makes a new keyframe due."""
+        rules, (x, y, theta) = self.config.keyframes, moved.pose.tolist()
+        return bool(np.hypot(x, y) < share * rules.distance and abs(theta) < share * rules.turn)
+
+    def _take(
+        self, step: Step, outcome: StepOutcome, here: UncertainPose, hits: Sequence[Hit], view: float = 0.0
+    ) -> Step:
+        """Take a pose that matches found; view: What the map says of it where it was expected."""
+        self._here, self._anchor, self._keyframe = here, step, hits[0].keyframe
+        is_expected = self._prior is not None and self._search.known(self._prior, here.pose[np.newaxis])[0] > 0.0
+        self._prior = self._prior.confirmed(here, view) if self._prior and is_expected else Prior(here=here)
         self._views = None
         self._n_missed = 0
         self._is_torn = False
-        return self._at(step, here, outcome, keyframe)
+        return self._at(step, outcome, here, self._keyframe)
 
-    def _at(self, step: Step, here: UncertainPose, outcome: StepOutcome, keyframe: int = -1) -> Step:
-        around, covariance_global = self._matching.in_map(here, self._keyframe)
-        return _as_step(step, around, covariance_global, outcome, keyframe)
-
-
-def _as_step(step: Step, here: UncertainPose, covariance_global: Cov, outcome: StepOutcome, keyframe: int = -1) -> Step:
-    """Return the step of a scan whose pose in the map is `here`, by its step of the odometry."""
-    return replace(
-        step,
-        pose=here.pose,
-        covariance=here.cov,
-        outcome=outcome,
-        keyframe=keyframe,
-        covariance_global=covariance_global,
-    )
-
-
-def _points(scan: LaserScan) -> Points:
-    """Return the valid readings of a scan in the frame of the sensor."""
-    return np.ascontiguousarray(scan.points[scan.valid])
+    def _at(self, step: Step, outcome: StepOutcome, here: UncertainPose = _NOWHERE, keyframe: int = -1) -> Step:
+        """Return the step of a scan whose pose in the map is `here`, by its step of the odometry."""
+        is_known = here is not _NOWHERE
+        around, covariance = self._matching.in_map(here, self._keyframe) if is_known else (here, here.cov)
+        return replace(
+            step,
+            pose=around.pose,
+            covariance=around.cov,
+            outcome=outcome,
+            keyframe=keyframe,
+            covariance_global=covariance,
+        )

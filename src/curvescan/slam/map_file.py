@@ -50,7 +50,10 @@ def write_map_file(path: str | os.PathLike[str], slam_map: SlamMap) -> None:
         "sessions": slam_map.sessions,
         "stamps": np.array([s.stamp for s in scans]),
         "n_beams": np.array([len(s) for s in scans], dtype=np.int64),
-        "setups": np.array([_setup(s) for s in scans]).reshape(-1, len(_SETUP)),
+        "setups": np.array(
+            [(s.angle_min, s.angle_increment, s.range_min, s.range_max, not s.has_uniform_angles) for s in scans],
+            dtype=np.float64,
+        ).reshape(-1, len(_SETUP)),
         "ranges": np.concatenate([s.ranges for s in scans] or [np.empty(0)]).astype(np.float32),
         "angles": np.concatenate([s.angles for s in uneven] or [np.empty(0)]),
         "edge_ends": slam_map.ends,
@@ -132,13 +135,6 @@ def _map_of(arrays: dict[str, Floats]) -> dict[str, Any]:
         "weights": arrays["edge_weights"][used],
         "grid": _grid_of(arrays),
     }
-
-
-def _setup(scan: LaserScan) -> list[float]:
-    return [
-        scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max,
-        float(not scan.has_uniform_angles),
-    ]  # fmt: skip
 
 
 def _scans_of(arrays: dict[str, Floats]) -> tuple[LaserScan, ...]:

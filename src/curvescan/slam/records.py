@@ -16,6 +16,8 @@ _FLOOR = 1e-4
 its length decides."""
 
 _SCAN = np.dtype([("stamp", float), ("stretch", int), ("relative", float, 3), ("covariance", float, (3, 3))])
+_STRETCH = np.dtype([("first", int), ("last", int), ("way", float, 3), ("covariance", float, (3, 3))])
+_NO_WAY = identity()
 
 
 class Records:
@@ -28,47 +30,36 @@ class Records:
 
     def __init__(self) -> None:
         self._scans = Rows(dtype=_SCAN)
-        self._from: list[int] = []  # keyframe a stretch begins with
-        self._to: list[int] = []  # keyframe it ends with; -1 while it is open
-        self._way: list[UncertainPose] = []  # the one seen from the other by the odometry
+        # keyframes that a stretch begins and ends with, the last -1 while it is open, and the one seen from the other
+        self._stretches = Rows(dtype=_STRETCH)
 
     def begin(self, keyframe: int, way: UncertainPose | None) -> None:
         """Begin a stretch at a keyframe; `way` is its pose by the odometry in the frame before, if any."""
-        if self._from and way is not None:
-            self._to[-1] = keyframe
-            self._way[-1] = way
-        self._from.append(keyframe)
-        self._to.append(-1)
-        self._way.append(identity())
+        if len(self._stretches) and way is not None:
+            before = self._stretches.array[-1]
+            before["last"], before["way"], before["covariance"] = keyframe, way.pose, way.cov
+        self._stretches.append((keyframe, -1, *_NO_WAY))
 
     def add(self, stamp: float, seen: UncertainPose) -> None:
         """Add a scan by its pose in the frame of the keyframe that the stretch began with."""
-        self._scans.append((stamp, len(self._from) - 1, seen.pose, seen.cov))
+        self._scans.append((stamp, len(self._stretches) - 1, seen.pose, seen.cov))
 
     def keyframe_scans(self) -> Ints:
         """Return (k, 2) number and scan of each keyframe of this session, also of those that went."""
-        first = np.searchsorted(self._scans.array["stretch"], np.arange(len(self._from)))
-        return np.column_stack([np.array(self._from, dtype=np.int64), first])
+        first_scan = np.searchsorted(self._scans.array["stretch"], np.arange(len(self._stretches)))
+        return np.column_stack([self._stretches.array["first"], first_scan])
 
     def trajectory(self, poses: Pose, covariances: Cov) -> Trajectory:
         """Return all poses so far, by those of the keyframes, (n, 3), and their covariances, (n, 3, 3)."""
         scans = self._scans.array
-        if not len(scans):
-            return Trajectory(stamps=np.empty(0), poses=np.empty((0, 3)), covariances=np.empty((0, 3, 3)))
-        stretch, relative, own = scans["stretch"], scans["relative"], scans["covariance"]
-        first = np.array(self._from, dtype=np.int64)[stretch]
+        relative, own = scans["relative"], scans["covariance"]
+        stretches = self._stretches.array[scans["stretch"]]
+        first = stretches["first"]
         found = se2.compose(poses[first], relative)
-        _, in_map = composed_covariances(poses[first], covariances[first], UncertainPose(relative, own))
-        found += self._corrections(stretch, relative, own, found, poses)
-        found[:, 2] = se2.wrap(found[:, 2])
-        return Trajectory(stamps=scans["stamp"].copy(), poses=found, covariances=in_map)
-
-    def _corrections(self, stretch: Ints, relative: Pose, own: Cov, found: Pose, poses: Pose) -> Pose:
-        """Return (n, 3) by how much each scan is moved towards where the keyframe at the end of its stretch has it."""
-        last = np.array(self._to)[stretch]
-        way = np.array([w.pose for w in self._way])[stretch]
-        by_last = se2.compose(poses[last], se2.between(way, relative))
-        off = by_last - found
+        in_map = composed_covariances(poses[first], covariances[first], UncertainPose(relative, own))
+        # where the keyframe at the end of the stretch has each scan
+        way, total = stretches["way"], stretches["covariance"]
+        off = se2.compose(poses[stretches["last"]], se2.between(way, relative)) - found
         off[:, 2] = se2.wrap(off[:, 2])
         done = _length(relative)
         whole = np.maximum(done + _length(se2.between(relative, way)), 1e-9)
@@ -76,13 +67,12 @@ class Records:
         turn = -(found[:, 2] - relative[:, 2])
         c, s = np.cos(turn), np.sin(turn)
         x, y = c * off[:, 0] - s * off[:, 1], s * off[:, 0] + c * off[:, 1]
-        total = np.array([w.cov for w in self._way])[stretch]
         share = _gathered(own, x, y, done) / _gathered(total, x, y, whole)
         share_turn = (own[:, 2, 2] + _FLOOR * done) / (total[:, 2, 2] + _FLOOR * whole)
-        is_closed = last >= 0
-        off[:, :2] *= np.where(is_closed, np.clip(share, 0.0, 1.0), 0.0)[:, np.newaxis]
-        off[:, 2] *= np.where(is_closed, np.clip(share_turn, 0.0, 1.0), 0.0)
-        return off
+        shares = np.clip(np.column_stack((share, share, share_turn)), 0.0, 1.0)
+        found += np.where(stretches["last"] >= 0, 1.0, 0.0)[:, np.newaxis] * shares * off
+        found[:, 2] = se2.wrap(found[:, 2])
+        return Trajectory(stamps=scans["stamp"].copy(), poses=found, covariances=in_map)
 
 
 def _gathered(cov: Cov, x: Floats, y: Floats, length: Floats) -> Floats:

@@ -1,7 +1,8 @@
 """Slam: a stream of scans in, a globally consistent trajectory and a map out.
 
 The odometry follows the sensor; every half metre its scan becomes a keyframe of a pose graph, which closes loops and
-revises all poses.
+revises all poses. The graph is optimized in a thread beside the stream, and the result taken a fixed number of scans
+later: the number of scans, not the clock, says when, so that the same input gives the same bits.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -25,16 +27,32 @@ from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import Step
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, identity
-from curvescan.slam.backend import Backend
 from curvescan.slam.config import SlamConfig
+from curvescan.slam.growing_map import GrowingMap
+from curvescan.slam.jobs import Problem, Solution, solve
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.loop_search import LoopSearch
 from curvescan.slam.loops.audit import Contradiction
-from curvescan.slam.loops.closures import Closure
+from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap, as_map
-from curvescan.slam.open_drive import OpenDrive
-from curvescan.slam.pose_graph.relative import UNMEASURED, between_steps
+from curvescan.slam.open_drive import UNMEASURED, OpenDrive, between_steps
+from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.records import Records
 from curvescan.types import Ints, Pose
+
+_VAGUE = 0.3
+"""A new keyframe is due when the way since the last one is known no better than this, metres: along a bare corridor the
+odometry may stand still while the sensor moves."""
+
+_N_LEAST, _GROWTH = 10, 0.05
+"""Keyframes between two optimizations, and share by which the graph grows, at the least; at once where a loop closes
+that the graph did not expect."""
+
+_N_ADOPT = 60
+"""Scans between the start of an optimization and its result."""
+
+_N_PASSES = 3
+"""Looks at the whole map at the end, as long as one opens it again."""
 
 
 class Slam:
@@ -64,12 +82,13 @@ class Slam:
         self.config = as_config(config, SlamConfig(), hint=hint)
         self.method = method
         self.odometry = Odometry(method, matcher=matcher, config=self.config.odometry)
-        keyframes = Keyframes(method, matcher, self.config.keyframes.n_prepared)
-        self.backend = Backend(keyframes, self.config)
+        self.keyframes = Keyframes(method, matcher, self.config.keyframes.n_prepared)
+        self._map = GrowingMap(self.keyframes, self.config)
+        self._search = LoopSearch(self._map, self.config)
         self._session = 0
         if map is not None:
             begun = as_map(map)
-            self.backend.load(begun)
+            self._map.load(begun)
             self._session = begun.n_sessions
         self._records = Records()
         self._deskewer = Deskewer()
@@ -78,6 +97,9 @@ class Slam:
         self._origin: Step | None = None  # the step of the current keyframe
         self._n_lost = self._n_most_lost = 0  # scans that nothing places, now and since the current keyframe
         self._n_scans = 0
+        self._beside = ThreadPoolExecutor(1, thread_name_prefix="curvescan-slam")
+        self._job: Future[Solution] | None = None
+        self._job_due = 0
         self._contradictions: tuple[Contradiction, ...] = ()
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
@@ -103,15 +125,7 @@ class Slam:
         return self.add_placed(scan, self.odometry.add(scan, odometry_pose))
 
     def add_placed(self, scan: LaserScan, step: Step) -> Step:
-        """Return where the sensor was at a scan that an odometry has placed, as :meth:`add` does.
-
-        Parameters
-        ----------
-        scan : LaserScan
-            The next scan.
-        step : Step
-            What the odometry says of it.
-        """
+        """Return where the sensor was at a scan that an odometry has placed, as :meth:`add` does."""
         self._deskewer = self._deskewer.ticked(scan)
         self._open_drive = self._open_drive.added(step)
         if self._origin is None:
@@ -122,55 +136,101 @@ class Slam:
             self._n_most_lost = max(self._n_most_lost, self._n_lost)
             seen = self._open_drive.known(between_steps(self._origin, step))
             if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
-                seen = self._begin_fragment(scan, step, se2.compose(self.backend.current_in_map().pose, seen.pose))
+                seen = self._begin_fragment(scan, step, se2.compose(self._map.current_in_map().pose, seen.pose))
             elif self._is_due(seen) and (step.is_driven or not step.is_unsettled):
                 seen = self._make_keyframe(scan, step, seen)
         self._last = step
         self._n_scans += 1
         self._records.add(step.stamp, seen)
-        closures, is_revised = self.backend.work(step.index)
-        return self._step(step, seen, closures, is_revised)
-
-    def _step(self, step: Step, seen: UncertainPose, closures: tuple[Closure, ...], is_revised: bool) -> Step:
-        backend = self.backend
-        here = compose(backend.current_in_map(), seen)
+        closures = self._search.work(step.index)
+        is_revised = self._optimize_beside()
+        here = compose(self._map.current_in_map(), seen)
         return replace(
             step,
             pose=here.pose,
             covariance=here.cov,
             closures=tuple(c for c in closures if c.is_loop),
             is_revised=is_revised,
-            keyframe=backend.keyframes[backend.current].number,
-            fragment=backend.fragment_of(backend.current),
+            keyframe=self.keyframes[self._map.current].number,
+            fragment=self._map.fragments[self._map.current],
         )
 
     def _is_due(self, seen: UncertainPose) -> bool:
         rules, (x, y, theta) = self.config.keyframes, seen.pose.tolist()
         if math.hypot(x, y) >= rules.distance or abs(theta) >= rules.turn:
             return True
-        return float(seen.cov[0, 0] + seen.cov[1, 1]) >= rules.vague**2
+        return float(seen.cov[0, 0] + seen.cov[1, 1]) >= _VAGUE**2
 
     def _make_keyframe(self, scan: LaserScan, step: Step, seen: UncertainPose) -> UncertainPose:
         assert self._last is not None
-        deskewed = scan
         if self.config.odometry.deskew:
-            deskewed = self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
-        return self._hang_on(self.backend.add_keyframe(deskewed, step.index, seen), step, seen)
+            scan = self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
+        k = self._map.append(scan, step.index, seen)
+        self._search.enqueue(k)
+        return self._hang_on(k, step, seen)
 
     def _begin_fragment(self, scan: LaserScan, step: Step, pose: Pose) -> UncertainPose:
         """Begin, or begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
-        return self._hang_on(self.backend.start(scan, step.index, pose, self._session), step, None)
+        self._adopt()
+        k = self._map.start(scan, step.index, pose, self._session)
+        if k > 0:
+            self._search.enqueue(k)
+        return self._hang_on(k, step, None)
 
     def _hang_on(self, k: int, step: Step, way: UncertainPose | None) -> UncertainPose:
         """Let scans hang on keyframe k, made of the scan of a step, and return the step seen from it."""
-        self._records.begin(self.backend.keyframes[k].number, way)
+        self._records.begin(self.keyframes[k].number, way)
         self._origin, self._n_most_lost = step, 0
         self._open_drive = self._open_drive.begun()
         return identity()
 
+    def _optimize_beside(self) -> bool:
+        """Take the result of an optimization that is due, begin the next one, and return whether poses were revised."""
+        is_revised = self._job is not None and self._n_scans >= self._job_due
+        if is_revised:
+            self._adopt()
+            self._search.renumber(*self._map.thin())
+        if self._job is None:
+            n_known = self._map.belief.n
+            is_grown = self.graph.n_poses - n_known >= max(_N_LEAST, _GROWTH * n_known)
+            if self._search.is_urgent or is_grown:
+                self._job, self._job_due = self._begin_job(), self._n_scans + _N_ADOPT
+        return is_revised
+
+    def _begin_job(self, *, is_last: bool = False) -> Future[Solution]:
+        self._search.is_urgent = False
+        return self._beside.submit(solve, Problem.of(self.graph, self._map.current), self.config.noise, is_last)
+
+    def _adopt(self) -> None:
+        """Take the result of the optimization under way, if one is."""
+        if self._job is not None:
+            self._map.adopt(self._job.result())
+            self._job = None
+
+    def finish(self) -> Trajectory:
+        """Match what still waits, optimize to the end, and return every pose."""
+        if self._map.is_begun:
+            self._adopt()
+            self._search.finish(self._n_scans)
+            self._settle()
+            for _ in range(_N_PASSES):
+                self._search.densify(self._n_scans)
+                self._settle()
+                audited = self._search.audit()
+                if not self._search.reopen(audited):
+                    break
+                self._settle()
+            else:
+                audited = self._search.audit()
+            self._contradictions = tuple(self._search.contradictions(audited))
+        return self.trajectory()
+
+    def _settle(self) -> None:
+        self._map.adopt(self._begin_job(is_last=True).result())
+
     def trajectory(self) -> Trajectory:
         """Return every pose so far, in the map as it is now."""
-        return self._records.trajectory(*self.backend.placed())
+        return self._records.trajectory(*self._map.placed())
 
     def keyframe_scans(self) -> Ints:
         """Return (k, 2) number and scan of each keyframe of this session, also of those that went."""
@@ -179,12 +239,17 @@ class Slam:
     @property
     def map(self) -> SlamMap:
         """The map as it is now."""
-        return self.backend.map()
+        return self._map.snapshot()
+
+    @property
+    def graph(self) -> PoseGraph:
+        """Poses of the keyframes, and the edges between them."""
+        return self._map.graph
 
     @property
     def closures(self) -> list[Closure]:
         """All loop-closure candidates that were matched, and what became of them."""
-        return self.backend.closures
+        return self._search.closures
 
     @property
     def contradictions(self) -> tuple[Contradiction, ...]:
@@ -194,16 +259,23 @@ class Slam:
     @property
     def n_fragments(self) -> int:
         """Parts of the map that nothing joins: more than one where a sensor that was lost has not been found again."""
-        return self.backend.n_fragments
+        return len(set(self._map.fragments))
 
-    def finish(self) -> Trajectory:
-        """Match what still waits, optimize to the end, and return every pose."""
-        self._contradictions = tuple(self.backend.finish())
-        return self.trajectory()
+    @property
+    def n_gone(self) -> int:
+        """Keyframes that went, as their places held too many."""
+        return len(self._map.gone)
+
+    def count_matches(self) -> tuple[int, int]:
+        """Return how many loop closures the graph follows, and how many matches of other neighbours."""
+        is_followed = self.graph.is_closure & self.graph.is_followed
+        numbers = self.keyframes.numbers[self.graph.ends[is_followed]]
+        n_closures = int(np.count_nonzero(is_loop(numbers[:, 0], numbers[:, 1])))
+        return n_closures, int(np.count_nonzero(is_followed)) - n_closures
 
     def __repr__(self) -> str:
-        n_closures, n_neighbours = self.backend.count_matches()
+        n_closures, n_neighbours = self.count_matches()
         return (
-            f"Slam({self.method}: {self._n_scans:,} scans, {len(self.backend.keyframes):,} keyframes, "
+            f"Slam({self.method}: {self._n_scans:,} scans, {len(self.keyframes):,} keyframes, "
             f"{n_closures:,} loop closures, {n_neighbours:,} matches of neighbours)"
         )

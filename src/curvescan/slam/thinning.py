@@ -1,94 +1,124 @@
 """Thinning: each place keeps few keyframes, the newest: memory follows the area and not the time.
 
 A keyframe that goes leaves its heir, one of the same place, and how it lay to it: scans that hang on it still move with
-the map.
+the map. What its edges measured is carried over to those that stay. The exact marginal ties all neighbours to each
+other. Kept of it are the steps of the chain, composed, and the closures, moved to the heir. After Eade, Fong and
+Munich, "Monocular graph SLAM with complexity reduction", IROS 2010.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from curvescan import se2
 from curvescan._jit import kernel
-from curvescan.se2.uncertain import UncertainPose, compose, wrap_angle
+from curvescan.se2.uncertain import UncertainPose, compose, inverse, wrap_angle
 from curvescan.slam.config import PlacesConfig
-from curvescan.slam.pose_graph.graph import PoseGraph
-from curvescan.slam.pose_graph.removal import carry_over, heir_of
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, is_whole
 from curvescan.types import Bools, Cov, Ints, Pose
 
-_ROUNDING = 1e-9  # metres and radians: what is counted in a kernel is looked at again
+
+class Heir(NamedTuple):
+    """What became of a keyframe that went, by numbers that stay: its heir, and how it lies to that."""
+
+    number: int
+    heir: int
+    seen: UncertainPose
 
 
-class Heirs:
-    """Keyframes that went, in their order: number, number of the heir, and the pose seen from it."""
+def with_heirs(gone: list[Heir], numbers: Ints, poses: Pose, covariances: Cov) -> tuple[Pose, Cov]:
+    """Return (m, 3) poses and (m, 3, 3) covariances of all keyframes there ever were, by number.
 
-    def __init__(self) -> None:
-        self._of: list[tuple[int, int, UncertainPose]] = []
-
-    def __len__(self) -> int:
-        return len(self._of)
-
-    def add(self, number: int, heir: int, seen: UncertainPose) -> None:
-        """Take the keyframe `number`, seen from its heir."""
-        self._of.append((number, heir, seen))
-
-    def placed(self, numbers: Ints, poses: Pose, covariances: Cov) -> tuple[Pose, Cov]:
-        """Return (m, 3) poses and (m, 3, 3) covariances of all keyframes there ever were, by number.
-
-        numbers (n,); poses, covariances (n, 3).
-        """
-        if not self._of:
-            return poses, covariances
-        n_all = len(numbers) + len(self._of)
-        all_poses, all_covariances = np.empty((n_all, 3)), np.empty((n_all, 3, 3))
-        all_poses[numbers], all_covariances[numbers] = poses, covariances
-        for number, heir, seen in reversed(self._of):
-            found = compose(UncertainPose(all_poses[heir], all_covariances[heir]), seen)
-            all_poses[number], all_covariances[number] = found.pose, found.cov
-        return all_poses, all_covariances
+    gone: in the order in which they went; numbers (n,), poses (n, 3), covariances (n, 3, 3): of those that stayed.
+    """
+    n_all = len(numbers) + len(gone)
+    all_poses, all_covariances = np.empty((n_all, 3)), np.empty((n_all, 3, 3))
+    all_poses[numbers], all_covariances[numbers] = poses, covariances
+    for number, heir, seen in reversed(gone):
+        found = compose(UncertainPose(all_poses[heir], all_covariances[heir]), seen)
+        all_poses[number], all_covariances[number] = found.pose, found.cov
+    return all_poses, all_covariances
 
 
 def thin(
     graph: PoseGraph, fragments: Ints, n_settled: int, rules: PlacesConfig
 ) -> tuple[Bools, dict[int, tuple[int, UncertainPose]]]:
-    """Take keyframes out where a place has too many; return which stay, and what became of the others.
+    """Take keyframes out where a place has too many; return (n,) which stay, and heir and pose of each of the others.
 
-    fragments (n,); result (n,).
+    fragments (n,).
     """
-    poses = graph.poses
-    is_kept = np.ones(len(poses), dtype=np.bool_)
+    is_kept = np.ones(graph.n_poses, dtype=np.bool_)
     gone: dict[int, tuple[int, UncertainPose]] = {}
-    crowded = crowded_places(
-        poses, fragments, max(n_settled, 0), rules.radius + _ROUNDING, rules.turn + _ROUNDING, rules.n_keyframes
-    )
-    for v in np.flatnonzero(crowded).tolist():
-        off = poses[v + 1 :] - poses[v]
-        near = np.hypot(off[:, 0], off[:, 1]) < rules.radius
-        near &= np.abs(se2.wrap(off[:, 2])) < rules.turn
-        near &= is_kept[v + 1 :] & (fragments[v + 1 :] == fragments[v])
-        newer = v + 1 + np.flatnonzero(near)
-        if len(newer) < rules.n_keyframes:
-            continue
-        heir = heir_of(graph, v, newer)
-        if heir is None:
-            continue
-        gone[v] = heir, carry_over(graph, v, heir)
-        is_kept[v] = False
+    for v in range(1, n_settled):  # the first keyframe is the map's frame
+        newer = newer_beside(v, graph.poses, fragments, is_kept, rules.radius)
+        tie = best_tie(graph, v, newer) if len(newer) >= rules.n_keyframes else None
+        if tie is not None:
+            gone[v] = carry_over(graph, v, tie)
+            is_kept[v] = False
     return is_kept, gone
 
 
 @kernel
-def crowded_places(poses: Pose, fragments: Ints, n_settled: int, radius: float, turn: float, n_least: int) -> Bools:
-    """Return (n_settled,) which poses have `n_least` later ones of their fragment near; never the first."""
-    crowded = np.zeros(n_settled, dtype=np.bool_)
-    for v in range(1, n_settled):
-        n_near = 0
-        for u in range(v + 1, poses.shape[0]):
-            dx, dy = poses[u, 0] - poses[v, 0], poses[u, 1] - poses[v, 1]
-            if dx * dx + dy * dy >= radius * radius or fragments[u] != fragments[v]:
-                continue
-            n_near += abs(wrap_angle(poses[u, 2] - poses[v, 2])) < turn
-            if n_near == n_least:
-                crowded[v] = True
-                break
-    return crowded
+def newer_beside(v: int, poses: Pose, fragments: Ints, is_kept: Bools, radius: float) -> Ints:
+    """Return the later poses of a fragment that are kept and lie within a radius of pose v, metres and radians."""
+    found = np.empty(len(poses), dtype=np.int64)
+    n = 0
+    for u in range(v + 1, len(poses)):
+        dx, dy = poses[u, 0] - poses[v, 0], poses[u, 1] - poses[v, 1]
+        if dx * dx + dy * dy >= radius * radius or not is_kept[u] or fragments[u] != fragments[v]:
+            continue
+        if abs(wrap_angle(poses[u, 2] - poses[v, 2])) < radius:
+            found[n] = u
+            n += 1
+    return found[:n].copy()
+
+
+def best_tie(graph: PoseGraph, v: int, among: Ints) -> int | None:
+    """Return the closure or match that ties pose v best to one of some poses; None where there is none."""
+    rows = np.flatnonzero((graph.ends == v).any(axis=1))
+    covariances = graph.edge_covariances[rows]
+    # by an edge that leaves a direction open no pose can hang on an heir
+    is_tie = (graph.kinds[rows] != EdgeKind.MOTION) & graph.is_followed[rows] & is_whole(covariances)
+    is_tie &= np.isin(graph.ends[rows], among).any(axis=1)
+    spread = np.where(is_tie, np.trace(covariances, axis1=1, axis2=2), np.inf)
+    return int(rows[np.argmin(spread)]) if is_tie.any() else None
+
+
+def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[int, UncertainPose]:
+    """Carry the edges of pose v over to the poses that stay, take them out, and return its heir and v seen from it.
+
+    tie: The edge to the heir.
+    """
+    rows = np.flatnonzero((graph.ends == v).any(axis=1))
+    seen = {row: _other_end(graph, row, v) for row in rows.tolist()}
+    heir, heir_seen = seen[tie]
+    from_heir = inverse(heir_seen)
+    steps = [row for row in seen if graph.kinds[row] != EdgeKind.CLOSURE]
+    before, after = ([row for row in steps if (seen[row][0] < v) is is_before] for is_before in (True, False))
+    if before and after:
+        (i, a), (j, b) = seen[before[-1]], seen[after[0]]
+        ends = [before[-1], after[0]]
+        step, kind = compose(inverse(a), b), EdgeKind(max(graph.kinds[ends]))
+        graph.add_edge(i, j, step.pose, step.cov, kind, float(min(graph.weights[ends])))
+    tied = set(graph.ends[(graph.ends == heir).any(axis=1)].ravel().tolist())  # and the heir itself
+    for row, (u, edge) in seen.items():
+        if graph.kinds[row] == EdgeKind.CLOSURE and graph.is_followed[row] and u not in tied:
+            tied.add(u)
+            moved = compose(from_heir, edge)
+            if heir > u:
+                moved = inverse(moved)
+            graph.add_edge(min(heir, u), max(heir, u), moved.pose, moved.cov, EdgeKind.CLOSURE)
+    is_kept = np.ones(graph.n_edges, dtype=np.bool_)
+    is_kept[rows] = False
+    graph.keep_edges(is_kept)
+    return heir, from_heir
+
+
+def _other_end(graph: PoseGraph, row: int, v: int) -> tuple[int, UncertainPose]:
+    """Return the other end of an edge, and how pose v sees it."""
+    (i, j), edge = (
+        graph.ends[row].tolist(),
+        UncertainPose(graph.measured[row].copy(), graph.edge_covariances[row].copy()),
+    )
+    return (j, edge) if i == v else (i, inverse(edge))

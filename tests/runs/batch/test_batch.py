@@ -18,7 +18,8 @@ import curvescan as cs
 from curvescan.cli.main import run as command
 from curvescan.runs.batch.jobs import digest_of
 from curvescan.runs.batch.logs import find_logs, name_folders
-from curvescan.runs.batch.results import open_manifest, read_manifest
+from curvescan.runs.batch.places import open_results
+from curvescan.runs.batch.results import read_manifest
 from tests.conftest import ROOT
 from tests.runs.batch.batch_jobs import LargeJob, NamedJob, UnloadableJob
 
@@ -286,12 +287,12 @@ def test_a_manifest_names_no_folder_outside_the_batch(tmp_path):
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no full disk")  # noqa: PTH110
 def test_a_full_disk_ends_the_batch_in_a_sentence(tmp_path):
     logs = make_logs(tmp_path / "logs", "a.log", "b.log")
-    with open_manifest(tmp_path / "out") as manifest, open("/dev/full", "ab", buffering=0) as full:  # noqa: PTH123
+    with open_results(tmp_path / "out") as results, open("/dev/full", "ab", buffering=0) as full:  # noqa: PTH123
         result = cs.run_batch(logs, out=tmp_path / "other", job=NamedJob(), workers=1)
-        manifest._file = full
+        results._manifest = full
         with pytest.raises(cs.OutputError, match="No space left on device"):
-            manifest.append(result.records[0])
-    assert manifest.records == {}
+            results.append(result.records[0])
+    assert results.records == {}
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ import pytest
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.simulation import World
-from curvescan.simulation.buildings.rooms import columns, corridor, l_hall, room, round_room
+from curvescan.simulation import World, build_world
+from curvescan.simulation.buildings.rooms import columns, corridor, room, round_room
 from curvescan.simulation.buildings.world import full_circles
 
 MIXED = World(
@@ -56,7 +56,7 @@ def test_clearance_is_kept():
 
 
 def test_the_floor_bounds_what_is_free():
-    assert l_hall().on_floor([[1.0, 9.0], [9.0, 1.0], [9.0, 9.0]]).tolist() == [True, True, False]
+    assert build_world("l-hall").on_floor([[1.0, 9.0], [9.0, 1.0], [9.0, 9.0]]).tolist() == [True, True, False]
     assert corridor().is_free([[0.0, 0.0], [16.0, 0.0]]).tolist() == [True, False]
     assert round_room(4.0).is_free([[2.7, 2.7], [3.0, 3.0]]).tolist() == [True, False]
     assert World(walls=[[0, 0, 1, 1]]).on_floor([[0.5, 0.2], [1.5, 0.2]]).tolist() == [True, False]

@@ -11,10 +11,10 @@ import curvescan as cs
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamMap
-from curvescan.slam.localization.correlative import contour_length, likely_poses, thinned
+from curvescan.slam.localization.correlative import contour_length, is_same, likely_poses, thinned
 from curvescan.slam.localization.field import DistanceField, field_of
 from curvescan.slam.localization.prior import Prior
-from curvescan.slam.localization.search import MapSearch, Place, Views, is_same, known, said
+from curvescan.slam.localization.search import MapSearch, Place, Views, said
 from tests.slam.map_example import FILE, lap, scans
 
 
@@ -61,8 +61,8 @@ def test_nothing_is_likely_without_readings(field: DistanceField) -> None:
     assert likely_poses(field, np.empty((0, 2)), np.ones((30, 2)), 5).shape == (0, 3)
 
 
-def _views(stored: SlamMap, field: DistanceField, *found: Place, contour: float = 0.0) -> Views:
-    return Views(found=found, contour=contour, area=MapSearch(field, stored.poses, 5).area)
+def _views(*found: Place, contour: float = 0.0) -> Views:
+    return Views(found=found, contour=contour)
 
 
 def _place(x: float, support: float, view: float | None = None) -> Place:
@@ -84,16 +84,16 @@ def _place(x: float, support: float, view: float | None = None) -> Place:
 def test_a_place_is_sure_where_no_other_comes_near(
     stored: SlamMap, field: DistanceField, found: list[tuple[float, float]], is_sure: bool
 ) -> None:
-    views = _views(stored, field, *[_place(x, support) for x, support in found])
+    views = _views(*[_place(x, support) for x, support in found])
     assert (views.winner is not None) is is_sure
 
 
 def test_several_views_together_need_more_than_one(stored: SlamMap, field: DistanceField) -> None:
-    assert _views(stored, field, _place(0.0, 0.3, 0.3)).winner is not None
-    assert _views(stored, field, _place(0.0, 0.3, 0.15)).winner is None
-    assert _views(stored, field, _place(0.0, 1.1, 0.15)).winner is not None
+    assert _views(_place(0.0, 0.3, 0.3)).winner is not None
+    assert _views(_place(0.0, 0.3, 0.15)).winner is None
+    assert _views(_place(0.0, 1.1, 0.15)).winner is not None
     # a sensor that drives out of the map is not where the views before it left
-    assert _views(stored, field, _place(0.0, 1.4, -0.02)).winner is None
+    assert _views(_place(0.0, 1.4, -0.02)).winner is None
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_a_view_that_agrees_with_one_place_far_better_than_with_any_other_is_eno
         Place(pose=np.array([x, 0.0, 0.0]), fit=f, view=v, support=v)
         for x, f, v in zip((0.0, 3.0), (fit, rival), said_of, strict=True)
     ]
-    assert (_views(stored, field, *found, contour=contour).winner is not None) is is_sure
+    assert (_views(*found, contour=contour).winner is not None) is is_sure
 
 
 @pytest.mark.parametrize(("begins_at", "is_sure"), [(1.3, True), (60.0, False)])
@@ -125,13 +125,13 @@ def test_what_the_views_decide_alone_stands_where_it_was_likely_before(
     stored: SlamMap, field: DistanceField, begins_at: float, is_sure: bool
 ) -> None:
     # a corridor: 0.7 m on the view agrees less, and an initial pose beyond makes that place the likelier one
-    views = _views(stored, field, _place(0.0, 0.39), _place(0.7, 0.28))
+    views = _views(_place(0.0, 0.39), _place(0.7, 0.28))
     assert views.winner is not None
     prior = Prior.of((begins_at, 0.0, 0.0), np.diag([0.5, 0.5, 0.07]))
-    likely = known(prior, np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]]), views.area)
+    likely = MapSearch(field, stored.poses, 5).known(prior, np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]]))
     found = [replace(place, prior=float(k)) for place, k in zip(views.found, likely, strict=True)]
     assert (likely[0] > 0.0) == is_sure
-    assert (replace(views, found=found, prior=prior).winner is not None) is is_sure
+    assert (replace(views, found=found).winner is not None) is is_sure
 
 
 @pytest.mark.parametrize(("rival_view", "is_sure"), [(-0.15, False), (-0.4, True)])
@@ -140,14 +140,14 @@ def test_what_was_known_before_does_not_choose_between_places_that_the_view_is_a
 ) -> None:
     # a corridor without a mark: the odometry has the sensor at 0, and perhaps 1.2 m on; no place stands out by itself
     here, there = _place(0.0, -0.15), _place(1.2, rival_view)
-    views = _views(stored, field, replace(here, prior=0.5), replace(there, prior=0.16))
+    views = _views(replace(here, prior=0.5), replace(there, prior=0.16))
     assert (views.winner is not None) is is_sure
 
 
 def test_a_place_does_not_stand_out_where_matches_say_another(stored: SlamMap, field: DistanceField) -> None:
     near, other = _place(0.0, 0.25), _matched(3.0, 0.4, -0.15)
-    assert _views(stored, field, near, other, contour=12.0).winner is None
-    assert _views(stored, field, near, _place(3.0, -0.15), contour=12.0).winner is near
+    assert _views(near, other, contour=12.0).winner is None
+    assert _views(near, _place(3.0, -0.15), contour=12.0).winner is near
 
 
 @pytest.mark.parametrize(
@@ -164,14 +164,14 @@ def test_a_prior_adds_to_what_the_views_say(
     stored: SlamMap, field: DistanceField, support: float, view: float, prior: float, is_sure: bool
 ) -> None:
     place = replace(_place(0.0, support, view), prior=prior)
-    assert (_views(stored, field, place).winner is not None) is is_sure
+    assert (_views(place).winner is not None) is is_sure
     # of two places that look alike it chooses one
     alike = replace(_place(3.0, support, view), prior=prior - 0.5)
-    assert (_views(stored, field, alike, place).winner is place) is is_sure
+    assert (_views(alike, place).winner is place) is is_sure
 
 
 def test_one_view_does_not_overrule_those_before(stored: SlamMap, field: DistanceField) -> None:
-    assert _views(stored, field, _place(0.0, -0.3, 0.3)).winner is None
+    assert _views(_place(0.0, -0.3, 0.3)).winner is None
 
 
 def _matched(x: float, matched: float, view: float) -> Place:
@@ -200,7 +200,7 @@ def _matched(x: float, matched: float, view: float) -> Place:
 def test_matches_decide_where_the_map_has_changed_and_not_between_two_like_places(
     stored: SlamMap, field: DistanceField, found: list[Place], is_sure: bool
 ) -> None:
-    assert (_views(stored, field, *found).winner is not None) is is_sure
+    assert (_views(*found).winner is not None) is is_sure
 
 
 @pytest.mark.slow

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import tyro
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from curvescan._interrupts import reported_as
+from curvescan.cli.console import ERR, OUT, table, with_flags
 from curvescan.cli.options import Flag, LogFlags, LogUse, MapConfig, OdometryFlags, OdometryRules
 from curvescan.io.files.lines import printable
 from curvescan.mapping.config import OccupancyConfig
@@ -66,24 +68,18 @@ def batch(
     slam
         SLAM in place of odometry.
     """
-    from curvescan.cli.console import ERR, OUT, with_flags
     from curvescan.runs.batch.batch import run_batch
 
     job = _job(rules, slam_rules if slam else None, use, occupancy)
     listed = f"{out}/manifest{'/' if '://' in out else '.jsonl'}"
     sentence = f"interrupted: the logs listed in {listed} are done; --resume goes on with the others"
     with reported_as(printable(sentence, 1000)), _display() as display:
-        result = run_batch(
-            patterns,
-            out=out,
-            job=job,
-            engine=work.engine,
-            workers=work.workers,
-            timeout=work.timeout,
-            resume=work.resume,
-            display=display,
-        )
-    OUT.print(_table(result.records))
+        result = run_batch(patterns, out=out, job=job, display=display, **vars(work))
+    shown = table("batch", "results", "scans", "path", "time", "verdict")
+    for record in result.records:
+        figures = (f"{record.scans:,}", f"{record.metres:,.1f} m") if record.scans else ("", "")
+        shown.add_row(record.folder, *figures, f"{record.seconds:.1f} s", record.verdict)
+    OUT.print(shown)
     for record in result.records:
         if record.is_failed:
             ERR.print(f"{record.input}: {with_flags(record.sentence)}", soft_wrap=True)
@@ -113,22 +109,10 @@ def _job(rules: OdometryFlags, slam: SlamConfig | None, use: LogFlags, occupancy
     return OdometryJob(config=rules.config(), **shared) if slam is None else SlamJob(config=slam, **shared)
 
 
-def _table(records: tuple[BatchRecord, ...]) -> object:
-    from curvescan.cli.console import table
-
-    shown = table("batch", "results", "scans", "path", "time", "verdict")
-    for record in records:
-        figures = (f"{record.scans:,}", f"{record.metres:,.1f} m") if record.scans else ("", "")
-        shown.add_row(record.folder, *figures, f"{record.seconds:.1f} s", record.verdict)
-    return shown
-
-
 @contextmanager
 def _display() -> Iterator[BatchDisplay]:
     """Yield what shows a batch: one bar for the whole, and what has failed so far."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    from curvescan.cli.console import ERR
+    from curvescan.runs.batch.batch import BatchDisplay
 
     progress = Progress(
         SpinnerColumn(),
@@ -142,11 +126,10 @@ def _display() -> Iterator[BatchDisplay]:
     )
     task = progress.add_task("batch", total=None, said="")
 
-    class Display:
+    class Display(BatchDisplay):
         """Shows a batch."""
 
-        def __init__(self) -> None:
-            self._n_failed = 0
+        _n_failed = 0
 
         def begin(self, stage: str, n_logs: int) -> None:
             progress.update(task, description=stage, total=n_logs or None)

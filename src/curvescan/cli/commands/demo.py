@@ -9,8 +9,11 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import tyro
 
+import curvescan
+from curvescan.cli.console import ERR, OUT, run_display
 from curvescan.cli.options import SensorName, SlamFlags, SlamRules, WorldName
-from curvescan.io.datasets import DATASETS
+from curvescan.io import output_folder
+from curvescan.io.datasets import DATASETS, fetch
 
 DatasetName: TypeAlias = Annotated[str | None, tyro.conf.arg(metavar="NAME")]
 
@@ -53,35 +56,32 @@ def demo(
 
 
 def _map_simulation(out: Path, rules: SlamFlags, **options: Any) -> int:
-    from curvescan import run, simulate
-    from curvescan.cli.console import ERR, OUT, run_display
     from curvescan.cli.summary import errors_of, report
-    from curvescan.io import output_folder
     from curvescan.plots.map import draw_side_by_side
-    from curvescan.runs.results import save_run
+    from curvescan.runs.results import list_further_files
 
-    matching = rules.matching
-    with output_folder(out) as folder:  # first of all: a place that cannot be written costs no work
-        with ERR.status("simulating"):
-            simulation = simulate(**options)
-        truth = simulation.truth.poses
-        with run_display() as display:
-            result = run(
-                simulation,
-                "slam",
-                method=matching.method,
-                matcher=matching.matcher,
-                config=rules.slam,
-                truth=truth,
-                command=sys.argv,
-                display=display,
-            )
-            display.begin("drawing the maps", 0)
-            record = result.record
-            tracks = {"laser odometry": record.odometry.poses, "SLAM, loops closed": result.trajectory.poses}
+    with ERR.status("simulating"):
+        simulation = curvescan.simulate(**options)
+    matching, truth = rules.matching, simulation.truth.poses
+    with run_display() as display:
+        result = curvescan.run(
+            simulation,
+            "slam",
+            out=out,
+            method=matching.method,
+            matcher=matching.matcher,
+            config=rules.slam,
+            truth=truth,
+            command=sys.argv,
+            display=display,
+        )
+        display.begin("drawing the maps", 0)
+        record = result.record
+        tracks = {"laser odometry": record.odometry.poses, "SLAM, loops closed": result.trajectory.poses}
+        with output_folder(out) as folder:
             draw_side_by_side(folder / "loop.png", simulation, tracks, truth)
-            save_run(folder, result)
-        result = replace(result, files=tuple(sorted(file.name for file in folder.iterdir())))
+            list_further_files(folder, out)
+    result = replace(result, files=tuple(sorted((*result.files, "loop.png"))))
     truth = truth[: len(record.outcomes)]
     if len(truth) > 1:
         if simulation.odometry is not None:
@@ -94,8 +94,6 @@ def _map_simulation(out: Path, rules: SlamFlags, **options: Any) -> int:
 def _map_public_log(name: str, out: Path, rules: SlamFlags) -> int:
     from curvescan.cli.commands.results import evaluate
     from curvescan.cli.commands.slam import slam
-    from curvescan.cli.console import ERR
-    from curvescan.io.datasets import fetch
 
     with ERR.status(f"fetching {name}"):
         log = fetch(name)
@@ -119,9 +117,6 @@ def warm_up(*, cache: Path | None = None, processor: Literal["generic", "native"
         For which processor that folder is: any of the kind of this one (6 % slower, the same results), or this one
         alone.
     """
-    import curvescan
-    from curvescan.cli.console import OUT
-
     seconds = curvescan.warm_up(cache=cache, processor=processor)
     OUT.print(f"compiled or loaded in {seconds:.1f} s" + (f": {cache}" if cache else ""))
     return 0

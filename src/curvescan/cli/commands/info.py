@@ -11,8 +11,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
+import numpy as np
 import tyro
 
+from curvescan.cli.console import ERR, OUT, progress_bar, table, with_flags, with_options
 from curvescan.cli.options import (
     Flag,
     LogPath,
@@ -23,6 +25,8 @@ from curvescan.cli.options import (
     ReadingFlags,
     results_folder,
 )
+from curvescan.errors import InvalidArgumentError
+from curvescan.io import output_folder, pick_scans, write_log
 
 if TYPE_CHECKING:
     from curvescan.diagnostics.inspect import LogReport
@@ -48,7 +52,6 @@ def info(
         Print JSON: `usable` (bool), `issues` (a list of topic, kind, what, consequence, remedy, mending) and `report`
         (all figures; null where one is not known or has no limit). The keys are the same for every log.
     """
-    from curvescan.cli.console import OUT, with_flags, with_options
     from curvescan.diagnostics.inspect import inspect_log
     from curvescan.diagnostics.issues import find_issues, report_as_plain
 
@@ -79,7 +82,6 @@ def info(
 
 def _mounts_of(path: Path) -> tuple[str, list[Issue]]:
     """Return what the scans say of where the lasers of a bag are to each other, and which mounts they contradict."""
-    from curvescan.errors import InvalidArgumentError
     from curvescan.evaluation.mounts import check_mounts
 
     try:
@@ -93,8 +95,6 @@ def _mounts_of(path: Path) -> tuple[str, list[Issue]]:
 
 def _show(name: str, value: str, *, style: str = "") -> None:
     """Print a row, its text wrapped to the terminal beside its name."""
-    from curvescan.cli.console import OUT
-
     lines = textwrap.wrap(value, max(OUT.width - _INDENT, _LEAST_WIDTH), break_on_hyphens=False) or [""]
     for k, line in enumerate(lines):
         OUT.print(f"  {name if k == 0 else '':<{_INDENT - 3}}", end=" ", style=style)
@@ -103,12 +103,14 @@ def _show(name: str, value: str, *, style: str = "") -> None:
 
 def _rows(report: LogReport) -> list[tuple[str, str]]:
     time = report.time
+    rate = "" if math.isnan(time.mean_rate) else f"{time.mean_rate:.2f} Hz over "
+    blind = f"; {report.n_blind_beams} never give a reading" if report.n_blind_beams else ""
     return [
         ("format", report.format),
         ("messages", ", ".join(f"{count:,} {tag}" for tag, count in report.tag_counts.items())),
-        ("scans", f"{report.n_scans:,} ({_rate(time.mean_rate)}{time.duration:,.1f} s)"),
+        ("scans", f"{report.n_scans:,} ({rate}{time.duration:,.1f} s)"),
         ("time steps", _steps(report)),
-        ("beams", _beams(report)),
+        ("beams", ", ".join(f"{n} ({count:,} scans)" for n, count in report.beam_counts.items()) + blind),
         (
             "field of view",
             f"{report.fov_deg:.2f} deg from {report.first_beam_deg + 0.0:.2f} deg "  # no -0.00
@@ -129,10 +131,6 @@ def _rows(report: LogReport) -> list[tuple[str, str]]:
     ]
 
 
-def _rate(hertz: float) -> str:
-    return "" if math.isnan(hertz) else f"{hertz:.2f} Hz over "
-
-
 def _steps(report: LogReport) -> str:
     time = report.time
     if math.isnan(time.step_median):
@@ -141,12 +139,6 @@ def _steps(report: LogReport) -> str:
     if report.sweep_seconds > 0.0:
         steps += f"; a sweep takes {report.sweep_seconds:.3g} s by the times of its beams"
     return steps
-
-
-def _beams(report: LogReport) -> str:
-    counts = ", ".join(f"{n} ({count:,} scans)" for n, count in report.beam_counts.items())
-    blind = f"; {report.n_blind_beams} never give a reading" if report.n_blind_beams else ""
-    return counts + blind
 
 
 def _mount(report: LogReport) -> str:
@@ -203,9 +195,6 @@ def convert(
     format
         The format, in place of what the ending of OUT says.
     """
-    from curvescan.cli.console import ERR, OUT, progress_bar
-    from curvescan.io import write_log
-
     source = reading.open(log)
     with progress_bar("convert", len(source)) as advance:
         losses = write_log(out, source, format=format, source=log, on_scan=advance)
@@ -241,11 +230,7 @@ def match(
     j
         Number of the current scan, from 0.
     """
-    import numpy as np
-
     from curvescan import match as match_scans
-    from curvescan.cli.console import OUT
-    from curvescan.io import output_folder, pick_scans
     from curvescan.plots.match import save_match
 
     source, out = reading.open(log), results_folder(out, log, "match")
@@ -272,7 +257,6 @@ def match(
 
 
 def _show_gates(in_reference: Mapping[str, int], in_current: Mapping[str, int], names: tuple[str, str]) -> None:
-    from curvescan.cli.console import OUT, table
     from curvescan.matchers.cfsma.trace import Gate
 
     gates = table("What became of the readings", "", *names, "decided by")

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 
+import numpy as np
 import tyro
 
 import curvescan
-from curvescan.cli.options import Flag, LogFlags, LogUse, MethodName, Preparation, Reading
+from curvescan.cli.console import ERR, OUT, free_port, open_browser, propose_commands, wait, with_flags
+from curvescan.cli.options import Flag, LogFlags, LogUse, MethodName, Preparation
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
+from curvescan.io.log import HeldLog
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
     from curvescan.diagnostics.preparation import PreparedLog
@@ -51,17 +53,18 @@ class SourceFlags:
 
     def open(self, log: Path | None, use: LogFlags) -> ScanSource:
         """Return the source that the flags ask for."""
-        from curvescan.cli.console import ERR
         from curvescan.live import LogSource, SimulatedSource
+        from curvescan.live.drivers import open_driver
         from curvescan.live.sources import MendedSource
 
         if log is not None and self.driver is not None:
             raise InvalidArgumentError("LOG and --driver exclude each other: give one")
         if self.driver is not None:
-            source = _laser(self.driver, self.port, use.reading)
-            if use.preparation.as_is:
-                return source
-            return MendedSource(source, ERR.print)
+            if self.port is None:
+                raise InvalidArgumentError(f"--driver {self.driver} needs --port: where the laser is")
+            is_mirrored, ignored = use.reading.upside_down != use.reading.clockwise, use.reading.ignore_beams
+            source = open_driver(self.driver, self.port, is_mirrored=is_mirrored, ignore_beams=ignored)
+            return source if use.preparation.as_is else MendedSource(source, ERR.print)
         if log is not None:
             return LogSource(use.reading.open(log), speed=self.speed)
         return SimulatedSource(n_scans=self.scans, n_people=self.people, seed=self.seed, speed=self.speed)
@@ -118,7 +121,6 @@ class PageFlags:
     def open(self, pages: ExitStack, source: ScanSource, maps: dict[str, Any]) -> tuple[Viewer | None, list[MapSink]]:
         """Return the page, if there is one, and all that shows the run, served until `pages` are closed."""
         import curvescan.live as live_package  # each loads when it is named: the page needs neither plots nor bags
-        from curvescan.cli.console import ERR, free_port, open_browser
         from curvescan.live import Viewer
         from curvescan.live.server import PageServer
         from curvescan.live.sources import Paced
@@ -169,11 +171,15 @@ def live(
     occupancy
         How to make the occupancy map.
     """
-    from curvescan.cli.console import wait
-
     laser = source.open(log, use)
     with ExitStack() as pages:
-        saved, drawn = (None, None) if engine.map is None else _opened(engine.map)
+        saved: Any = None
+        drawn: Any = None
+        if engine.map is not None:
+            from curvescan.slam.localization.grid_map import map_of_grid, opened
+
+            saved = opened(engine.map)
+            drawn = saved if isinstance(saved, curvescan.SlamMap) else map_of_grid(saved)
         maps = {"mode": engine.mode, "occupancy": occupancy, "is_lossless": not laser.is_live}
         viewer, sinks = page.open(pages, laser, {**maps, "saved_map": drawn})
         with output_folder(out) if out else nullcontext() as folder:
@@ -208,8 +214,8 @@ def _follow(
 ) -> tuple[LiveReport, Verdict | None]:
     """Run a source, print the summary and write the results; the verdict is None where no scan came."""
     import curvescan.live as live_package
-    from curvescan.cli.console import OUT, with_flags
     from curvescan.live import LogSource, Tracker
+    from curvescan.live.live_map import warm_up
 
     results = live_package.ResultsSink(**outputs.maps) if outputs.folder is not None else None
     prepared = None
@@ -217,13 +223,20 @@ def _follow(
         prepared = _prepare(source.log, use.preparation)
         source.log = prepared.log
     can_deskew = prepared is None or prepared.sensor.can_deskew
-    engine = _warmed(lambda: flags.engine(outputs.saved_map, can_deskew=can_deskew), flags.method, viewer)
+
+    def new_engine() -> Engine:
+        return flags.engine(outputs.saved_map, can_deskew=can_deskew)
+
+    if viewer is not None:
+        viewer.set_status("loading", "loading kernels (they are compiled in the first run only)")
+    with ERR.status("loading kernels"):
+        warm_up(new_engine, flags.method)
+    engine = new_engine()
     sinks = [*sinks, *([] if results is None else [results])]
     if outputs.record is not None:
         sinks.append(live_package.McapRecorder(outputs.record, saved_map=outputs.drawn, **outputs.maps))
-    report, verdict = _track(
-        source, Tracker(engine, prepared.odometry_poses if prepared else None), viewer, sinks, prepared
-    )
+    tracker = Tracker(engine, prepared.odometry_poses if prepared else None)
+    report, verdict = _track(source, tracker, viewer, sinks, prepared)
     OUT.print(summary(report, source.name, engine))
     if outputs.folder is not None and results is not None and report.n_scans:
         files = results.write(outputs.folder, report, name=source.name, engine=engine, log=prepared, command=sys.argv)
@@ -235,8 +248,6 @@ def _follow(
 
 def summary(report: LiveReport, name: str, engine: Engine) -> str:
     """Return how a live run went, in a few lines."""
-    import numpy as np
-
     if not report.n_scans:
         return f"{name}: no scan"
     lines = [f"{name}: {report.n_scans:,} scans" + (", interrupted" * report.is_interrupted)]
@@ -252,10 +263,8 @@ def summary(report: LiveReport, name: str, engine: Engine) -> str:
 
 def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
     """Return the log as `curvescan slam` takes it; what is mended, used and wrong is printed."""
-    from curvescan.cli.console import ERR, propose_commands
     from curvescan.cli.summary import report_preparation
     from curvescan.diagnostics.preparation import prepare_log
-    from curvescan.io.log import HeldLog
 
     with ERR.status("looking for what is wrong with the log"):
         prepared = prepare_log(HeldLog(log), odometry_prior=preparation.wanted, as_is=preparation.as_is)
@@ -265,41 +274,10 @@ def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
     return prepared
 
 
-def _opened(path: Path) -> tuple[Any, Any]:
-    """Return a map to localize in, and the same as keyframes."""
-    from curvescan.slam.localization.grid_map import map_of_grid, opened
-
-    found = opened(path)
-    return found, found if isinstance(found, curvescan.SlamMap) else map_of_grid(found)
-
-
-def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:
-    from curvescan.live.drivers import open_driver
-
-    if port is None:
-        raise InvalidArgumentError(f"--driver {driver} needs --port: where the laser is")
-    return open_driver(
-        driver, port, is_mirrored=reading.upside_down != reading.clockwise, ignore_beams=reading.ignore_beams
-    )
-
-
-def _warmed(new: Callable[[], Engine], method: Method, viewer: Viewer | None) -> Engine:
-    """Return an engine, its kernels compiled."""
-    from curvescan.cli.console import ERR
-    from curvescan.live.live_map import warm_up
-
-    if viewer is not None:
-        viewer.set_status("loading", "loading kernels (they are compiled in the first run only)")
-    with ERR.status("loading kernels"):
-        warm_up(new, method)
-    return new()
-
-
 def _track(
     source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: Sequence[MapSink], prepared: PreparedLog | None
 ) -> tuple[LiveReport, Verdict | None]:
     """Run and show; every sink has finished when this returns."""
-    from curvescan.cli.console import ERR
     from curvescan.diagnostics.verdict import judge
     from curvescan.live import run_live
     from curvescan.live.pipeline import finish

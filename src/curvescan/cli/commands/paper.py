@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from curvescan.cli.console import ERR, OUT, load_usable_methods, run_display, show
 from curvescan.cli.options import LaserPose, SensorName, in_radians
+from curvescan.errors import InvalidArgumentError
+from curvescan.io import output_folder, read_log, read_relations, write_config
+from curvescan.runs.document import ResultTable
 
 if TYPE_CHECKING:
     from curvescan.se2.uncertain import UncertainPose
@@ -63,8 +68,6 @@ def calibrate(
 def _find_parameters(
     log: Path | None, out: Path, sensor: str, distances: tuple[float, ...], range_max: float | None, seed: int
 ) -> int:
-    from curvescan.cli.console import ERR, OUT, show
-    from curvescan.io import output_folder, read_log, write_config
     from curvescan.paper.calibration import calibrate as find_parameters
     from curvescan.paper.calibration import planes_of_log, sensor_of_log, simulated_planes
     from curvescan.paper.calibration_report import calibration_tables, draw_calibration
@@ -98,10 +101,7 @@ def _find_parameters(
 
 def _show_mounts(log: Path | None) -> int:
     """Print the mounts of a bag's lasers; 3 where one of the transforms is wrong."""
-    from curvescan.cli.console import OUT, show
-    from curvescan.errors import InvalidArgumentError
     from curvescan.evaluation.mounts import check_mounts
-    from curvescan.runs.document import ResultTable
 
     if log is None:
         raise InvalidArgumentError("--mounts needs the bag: curvescan calibrate LOG --mounts")
@@ -168,8 +168,6 @@ def experiments(
     seed
         Seed of all simulated scans.
     """
-    from curvescan.cli.console import ERR, OUT, load_usable_methods, progress_bars
-    from curvescan.io import output_folder, read_log, read_relations
     from curvescan.paper.experiments import run_experiments
     from curvescan.paper.report import save_experiments
 
@@ -178,7 +176,7 @@ def experiments(
     known = [read_relations(path) for path in relations]
     with output_folder(out) as folder:
         methods = load_usable_methods()
-        with progress_bars() as progress:
+        with run_display("steps") as display:
             results = run_experiments(
                 methods=methods,
                 logs=sources,
@@ -187,7 +185,7 @@ def experiments(
                 only_logs=only_logs,
                 is_quick=quick,
                 seed=seed,
-                progress=progress,
+                progress=display.begin,
             )
         with ERR.status("drawing and writing the report"):
             save_experiments(folder, results)
@@ -220,18 +218,14 @@ def bench(
     out
         Folder for bench.md; without it nothing is written.
     """
-    from contextlib import nullcontext
-
     from curvescan.benchmarks.benchmark import run_benchmark
-    from curvescan.cli.console import OUT, load_usable_methods, progress_bars, show
-    from curvescan.io import output_folder, read_log
 
     sources = [read_log(path) for path in logs]
     with nullcontext() if out is None else output_folder(out) as folder:
         methods = load_usable_methods()
-        with progress_bars() as progress:
+        with run_display("steps") as display:
             tables = run_benchmark(
-                methods=methods, n_pairs=pairs, n_runs=runs, logs=sources, seed=seed, progress=progress
+                methods=methods, n_pairs=pairs, n_runs=runs, logs=sources, seed=seed, progress=display.begin
             )
         if folder is not None:
             text = "\n".join(table.markdown() for table in tables)

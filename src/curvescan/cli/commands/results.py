@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import tyro
 
+from curvescan.cli.console import ERR, OUT, free_port, open_browser, show, wait, with_flags
 from curvescan.cli.options import BenchmarkName, Flag, LaserPose, OutFolder, in_radians, results_folder
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.writing import ExportName
+from curvescan.io.writing import ExportName, RunData, write_exports, write_pcd, write_ply
 
 if TYPE_CHECKING:
     from typing_extensions import TypeIs
@@ -93,8 +94,6 @@ def edit_map(
     export
         Also write the keyframes as trajectory.kitti, graph.g2o or run.mcap.
     """
-    from curvescan.cli.console import OUT
-    from curvescan.io.writing import RunData, write_exports, write_pcd, write_ply
     from curvescan.slam.editing import operations
     from curvescan.slam.editing.saving import keyframe_trajectory, map_folder
     from curvescan.slam.localization.grid_map import opened
@@ -150,7 +149,6 @@ def _merged(one: AnyMap, other: AnyMap) -> AnyMap:
 
 def _compared(one: AnyMap, later: AnyMap) -> list[Change]:
     """Return what changed, after the later map has been laid on the other."""
-    from curvescan.cli.console import ERR
     from curvescan.slam.editing import operations
     from curvescan.slam.editing.merging import in_one_frame, laid_on
 
@@ -166,19 +164,19 @@ def _compared(one: AnyMap, later: AnyMap) -> list[Change]:
 
 def _write_changes(folder: Path, grid: OccupancyGrid, found: Sequence[Change]) -> None:
     """Write changes.csv and changes.png."""
-    from curvescan.plots.map import DARK, PATH, TRUTH, as_place, drawing_places
+    from curvescan.plots import colours
+    from curvescan.plots.map import as_place, drawing_places
 
     with (folder / "changes.csv").open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("kind", "x_min", "y_min", "x_max", "y_max", "square_metres"))
         writer.writerows((c.kind, *(round(v, 4) for v in c.box), round(c.area, 4)) for c in found)
     cells = grid.occupied_centres
-    with drawing_places(folder / "changes.png", cells) as (_, [axes]):
+    with drawing_places(folder / "changes.png", cells) as [axes]:
         as_place(axes, f"{len(found)} changes: appeared in green, gone in red")
-        axes.plot(*cells.T, "s", color=DARK, ms=0.8, mew=0)
-        for change in found:
-            x0, y0, x1, y1 = change.box
-            colour = TRUTH if change.kind == "appeared" else PATH
+        axes.plot(*cells.T, "s", color=colours.DARK, ms=0.8, mew=0)
+        for kind, (x0, y0, x1, y1) in ((change.kind, change.box) for change in found):
+            colour = colours.TRUTH if kind == "appeared" else colours.PATH
             axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=colour, lw=1.5)
 
 
@@ -208,7 +206,6 @@ def view(
     http_port
         Port of the page; 8765, or a free one if that is in use.
     """
-    from curvescan.cli.console import ERR, OUT, free_port, open_browser, wait
     from curvescan.live.finished.site import FinishedSite
     from curvescan.live.finished.view import view as view_runs
     from curvescan.live.server import PageServer
@@ -262,7 +259,6 @@ def evaluate(
     out
         Folder for evaluation.md, evaluation.json and two figures; without it nothing is written.
     """
-    from curvescan.cli.console import OUT, show, with_flags
     from curvescan.runs.evaluation import evaluate as measure
     from curvescan.runs.evaluation import tables_of
 

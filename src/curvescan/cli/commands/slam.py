@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
+import numpy as np
 import tyro
 
+import curvescan
+from curvescan.cli.console import OUT, run_display
 from curvescan.cli.options import (
     Chain,
     LogFlags,
@@ -16,19 +21,21 @@ from curvescan.cli.options import (
     LogUse,
     MapConfig,
     MapFile,
+    MatcherFlags,
     OdometryFlags,
     OdometryRules,
     OutFolder,
     SlamFlags,
     SlamRules,
     results_folder,
-    run_options,
 )
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.writing import ExportName
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.types import UncertainPose
 
 if TYPE_CHECKING:
+    from curvescan.runs.result import Run
     from curvescan.slam import SlamMap
 
 
@@ -61,20 +68,30 @@ def odometry(
         Also write trajectory.kitti, graph.g2o or run.mcap: 3x4 rows, the matches as a pose graph, or scans and poses
         for Foxglove and ROS 2.
     """
-    from curvescan.cli.console import run_display
-    from curvescan.cli.summary import report
-    from curvescan.runs.run import run
+    out, options = results_folder(out, log, "odometry"), {"exports": export, "occupancy": occupancy}
+    return _run(curvescan.run, log, rules.matching, use, out=out, config=rules.config(chain), **options)
 
-    source, out = use.reading.open(log), results_folder(out, log, "odometry")
+
+def _run(
+    run: Callable[..., Run], log: Path, matching: MatcherFlags, use: LogFlags, *, out: Path, **options: Any
+) -> int:
+    """Run over a log, print how it went and what was written, and return the exit status."""
+    from curvescan.cli.summary import report
+
+    source = use.reading.open(log)
     with run_display() as display:
         result = run(
             source,
             out=out,
-            config=rules.config(chain),
-            exports=export,
-            occupancy=occupancy,
+            method=matching.method,
+            matcher=matching.matcher,
+            odometry_prior=use.preparation.wanted,
+            as_is=use.preparation.as_is,
+            command=sys.argv,
+            source=log,
+            keeps_steps=False,
             display=display,
-            **run_options(log, rules.matching, use),
+            **options,
         )
     return report(result, out)
 
@@ -122,33 +139,16 @@ def slam(
         Also write trajectory.kitti or run.mcap: 3x4 rows, or scans and poses for Foxglove and ROS 2. graph.g2o is
         written in any case.
     """
-    from curvescan.cli.console import run_display
-    from curvescan.cli.summary import report
-    from curvescan.runs.run import run
-
     folder = results_folder(out, log or map or Path(), "slam")
     begin = _mended(map, edits, None if log else folder) if edits != EditFlags() or log is None else map
     if log is None:
         return 0
-    source = use.reading.open(log)
-    with run_display() as display:
-        result = run(
-            source,
-            "slam",
-            out=folder,
-            config=rules.slam,
-            map=begin,
-            exports=export,
-            occupancy=occupancy,
-            display=display,
-            **run_options(log, rules.matching, use),
-        )
-    return report(result, folder)
+    options = {"engine": "slam", "map": begin, "exports": export, "occupancy": occupancy}
+    return _run(curvescan.run, log, rules.matching, use, out=folder, config=rules.slam, **options)
 
 
 def _mended(path: Path | None, flags: EditFlags, out: Path | None) -> SlamMap:
     """Return the map with its edits, written with them into a folder, if there is one."""
-    from curvescan.cli.console import OUT
     from curvescan.slam import load_map
     from curvescan.slam.editing.edits import Edit, added, edited, read_edits
     from curvescan.slam.editing.saving import save_map_folder
@@ -192,22 +192,12 @@ def localize(
         About where the sensor is at the first scan, in the frame of the map: metres, metres, degrees; then its standard
         deviations, 0.5 m and 15 deg where they are left out. The scans decide.
     """
-    import numpy as np
-
-    from curvescan.cli.console import run_display
-    from curvescan.cli.summary import report
-    from curvescan.runs.run import localize as localize_log
-    from curvescan.types import UncertainPose
-
-    source, out = use.reading.open(log), results_folder(out, log, "localize")
+    out = results_folder(out, log, "localize")
     begin: Any = None
     if initial_pose is not None:
         x, y, deg, *sigmas = initial_pose
-        here = np.array([x, y, math.radians(deg)])
-        begin = (
-            here if not sigmas else UncertainPose(here, np.diag([sigmas[0] ** 2] * 2 + [math.radians(sigmas[1]) ** 2]))
-        )
-    options = run_options(log, rules.matching, use)
-    with run_display() as display:
-        result = localize_log(source, map, out=out, config=rules.slam, initial_pose=begin, display=display, **options)
-    return report(result, out)
+        begin = np.array([x, y, math.radians(deg)])
+        if sigmas:
+            begin = UncertainPose(begin, np.diag([sigmas[0] ** 2] * 2 + [math.radians(sigmas[1]) ** 2]))
+    options = {"map": map, "initial_pose": begin}
+    return _run(curvescan.localize, log, rules.matching, use, out=out, config=rules.slam, **options)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -73,18 +74,20 @@ class StreamLog(ScanAccess):
 
     def __init__(
         self,
-        path: str,
+        path: Path,
         *,
-        name: str,
         kind: str,
+        topic: str | None,
         read: ReadRecords,
         read_one: ReadScan | None = None,
         unit: str = "line",
         notes: tuple[str, ...] = (),
         mount: PoseRow = (0.0, 0.0, 0.0),
     ) -> None:
+        if topic is not None:
+            raise InvalidArgumentError(f"{path} is a {kind}, which has no topics, got topic {topic!r}: leave it out")
         self._mount = np.array(mount)
-        self.name, self.format, self.notes = name, kind, notes
+        self.name, self.format, self.notes = path.name, kind, notes
         self.tag_counts: Mapping[str, int] = MappingProxyType({})  # all that the source holds are scans
         self._path = path
         self._read, self._read_one, self._unit = read, read_one, unit

@@ -1,9 +1,8 @@
-"""Scans of the Mines ParisTech rover as CoreSLAM, tinySLAM and BreezySLAM log them (``exp1.dat``).
+"""Scans of the Mines ParisTech rover as CoreSLAM, tinySLAM and BreezySLAM log them; the columns: docs/formats.md.
 
-A line a scan: column 0 microseconds, 2 and 3 the ticks of the left and right wheel, 24 to 705 the ranges of a Hokuyo
-URG-04LX in millimetres from right to left, 0 for no return. The rover's constants are those of Steux and El Hamzaoui,
-"CoreSLAM: a SLAM algorithm in less than 200 lines of C code", ICARCV 2010. In ``exp1.dat`` the wheels lead the scans
-by 0.15 s (correlation 0.92, against 0.70 line by line); the odometry is left as it is.
+The rover's constants are those of Steux and El Hamzaoui, "CoreSLAM: a SLAM algorithm in less than 200 lines of C code",
+ICARCV 2010. In ``exp1.dat`` the wheels lead the scans by 0.15 s (correlation 0.92, against 0.70 line by line); the
+odometry is left as it is.
 """
 
 import math
@@ -15,8 +14,8 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.io.arrays.columns import Record, StreamLog
-from curvescan.io.files.lines import BrokenRecordError, LineMark, ReadErrorCounter, read_line_at, read_lines
-from curvescan.io.log import PoseRow, refuse_topic
+from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter, read_line_at, read_lines
+from curvescan.io.log import PoseRow
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
@@ -40,14 +39,12 @@ _NOTES = (
 
 def open_coreslam(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
     """Return the scans of a CoreSLAM log, with odometry from its wheel encoders; it has no topics."""
-    refuse_topic(path, FORMAT, topic)
     limit = RANGE_MAX if range_max is None else range_max
-    read = partial(_records, path, limit)
     return StreamLog(
-        str(path),
-        name=path.name,
+        path,
         kind=FORMAT,
-        read=read,
+        topic=topic,
+        read=partial(_records, path, limit),
         read_one=lambda place: _scan(read_line_at(path, place[0]).split(), limit),
         notes=_NOTES,
         mount=MOUNT,
@@ -55,8 +52,8 @@ def open_coreslam(path: Path, *, range_max: float | None = None, topic: str | No
 
 
 def _records(path: Path, range_max: float, read_errors: ReadErrorCounter) -> Iterator[Record]:
-    wheels, mark = _Wheels(), LineMark()
-    for number, line in read_lines(path, read_errors, mark):
+    wheels = _Wheels()
+    for number, offset, line in read_lines(path, read_errors):
         fields = line.split()
         if not fields:
             continue
@@ -67,7 +64,7 @@ def _records(path: Path, range_max: float, read_errors: ReadErrorCounter) -> Ite
             is_ours = isinstance(error, BrokenRecordError)
             read_errors.add(str(error) if is_ours else "line with a field that is no number", number)
             continue
-        yield Record(scan, pose, (mark.offset,))
+        yield Record(scan, pose, (offset,))
 
 
 def _scan(fields: list[bytes], range_max: float) -> LaserScan:

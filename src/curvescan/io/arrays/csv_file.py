@@ -1,12 +1,7 @@
 """Scans as CSV, for those who write their own driver; every float64 is read again to the bit.
 
-Lines that are blank or start with ``#`` are skipped. The first other line names the columns: any of COLUMNS and
-POSE_COLUMNS, in any order, and at last ``ranges``. Then a line a scan; all fields from the column ``ranges`` on are its
-ranges, so that the number of beams may change from line to line. Metres, radians, seconds; an empty field is NaN. Two
-kinds of lines may stand before a scan:
-
-- ``angles,a0,a1,...``: directions of the beams of all scans from here on that give no angle_min and angle_increment;
-- ``intensities,i0,i1,...``: strength of the returns of the next scan.
+The layout stands in docs/formats.md: a header that names the columns, then a line a scan whose last fields are its
+ranges; lines of ``angles`` and ``intensities`` may stand before a scan.
 """
 
 import math
@@ -27,16 +22,8 @@ from curvescan.io.arrays.columns import (
     make_pose,
     make_scan,
 )
-from curvescan.io.files.lines import (
-    BrokenRecordError,
-    LineMark,
-    ReadErrorCounter,
-    printable,
-    read_line_at,
-    read_lines,
-    text_file,
-)
-from curvescan.io.log import Log, refuse_topic, scans_with_poses
+from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter, printable, read_line_at, read_lines, text_file
+from curvescan.io.log import Log, scans_with_poses
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -49,9 +36,8 @@ _NOWHERE = -1  # offset of a line that there is not
 
 def open_csv(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
     """Return the scans of a CSV file, which has no topics; a line that breaks the layout is skipped and counted."""
-    refuse_topic(path, FORMAT, topic)
-    read = partial(_records, path, range_max)
-    return StreamLog(str(path), name=path.name, kind=FORMAT, read=read, read_one=partial(_one, path, range_max))
+    read, read_one = partial(_records, path, range_max), partial(_one, path, range_max)
+    return StreamLog(path, kind=FORMAT, topic=topic, read=read, read_one=read_one)
 
 
 def is_content(line: bytes) -> bool:
@@ -84,10 +70,9 @@ def _check_header(names: tuple[str, ...], path: object) -> None:
 
 def _records(path: Path, range_max: float | None, read_errors: ReadErrorCounter) -> Iterator[Record]:
     names: tuple[str, ...] = ()
-    mark = LineMark()
     before: dict[str, Floats | None] = {ANGLES: None, INTENSITIES: None}
     places = dict.fromkeys(before, _NOWHERE)
-    for number, line in read_lines(path, read_errors, mark):
+    for number, offset, line in read_lines(path, read_errors):
         if not is_content(line):
             continue
         if not names:
@@ -100,9 +85,9 @@ def _records(path: Path, range_max: float | None, read_errors: ReadErrorCounter)
             if tag in before:
                 if tag == ANGLES:  # a broken line leaves none
                     before[tag], places[tag] = None, _NOWHERE
-                before[tag], places[tag] = _numbers(fields[1:]), mark.offset
+                before[tag], places[tag] = _numbers(fields[1:]), offset
             else:
-                (angles, intensities), place = before.values(), (mark.offset, *places.values())
+                (angles, intensities), place = before.values(), (offset, *places.values())
                 before[INTENSITIES], places[INTENSITIES] = None, _NOWHERE
                 yield _record(fields, names, angles, intensities, range_max)._replace(place=place)
         except BrokenRecordError as error:
@@ -113,7 +98,7 @@ def _records(path: Path, range_max: float | None, read_errors: ReadErrorCounter)
 
 def _one(path: Path, range_max: float | None, place: tuple[int, ...]) -> LaserScan:
     """Return the scan whose line, and those of its angles and intensities, begin at these offsets."""
-    header = next(line for _, line in read_lines(path, ReadErrorCounter()) if is_content(line))
+    header = next(line for _, _, line in read_lines(path, ReadErrorCounter()) if is_content(line))
     rows = [None if k == _NOWHERE else read_line_at(path, k).split(b",") for k in place]
     angles, intensities = (None if row is None else _numbers(row[1:]) for row in rows[1:])
     return _record(rows[0] or [], header_names(header), angles, intensities, range_max).scan

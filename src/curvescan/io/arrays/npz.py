@@ -1,48 +1,29 @@
-"""Scans from the arrays of an .npz file, and back.
+"""Scans from the arrays of an .npz file, and back, with nothing lost; the arrays stand in docs/formats.md.
 
-``stamps`` (n,) and ``ranges`` (n, m) must be there, and ``angle_min`` and ``angle_increment``, or ``angles``. All
-others may be missing. A number that is the same for all scans may be a plain one instead of (n,).
-
-================  ==============  ==========================================================
-stamps            (n,)            seconds
-ranges            (n, m)          metres
-counts            (n,)            beams of each scan: the first of its row; missing: all m
-angle_min         (n,)            radians
-angle_increment   (n,)            radians
-angles            (m,) or (n, m)  directions of the beams, radians; a scan whose first angle is NaN has even ones
-range_min         (n,)            metres; missing: 0
-range_max         (n,)            metres; missing: no limit
-time_increment    (n,)            seconds; missing: 0, not known
-scan_time         (n,)            seconds; missing: 0, not known
-intensities       (n, m)          strength of each return; a row of NaN: none
-odometry          (n, 3)          pose of the laser by the wheels; a row of NaN: none
-================  ==============  ==========================================================
-
-Scans to the arrays of an .npz file; nothing is lost.
-
-The log is read once to learn its size, and once for each large array, so that one scan is in memory at a time. Ranges
-that are all exact in float32, as those of ROS are, are stored so, in half the space.
+A log is read once, one scan in memory at a time. Ranges that are all exact in float32, as those of ROS are, are stored
+so, in half the space.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+import tempfile
 import zipfile
 from array import array
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from functools import partial
+from contextlib import ExitStack
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from curvescan.errors import LogFormatError, OutputError
+from curvescan.errors import LogFormatError
 from curvescan.io.arrays.columns import DEFAULTS, Record, StreamLog, is_on_grid, make_pose, make_scan
 from curvescan.io.arrays.npz_file import NpzFile
 from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter, printable
-from curvescan.io.log import NO_POSE, Log, refuse_topic
+from curvescan.io.log import NO_POSE, Log
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -51,23 +32,13 @@ _MIN_SCAN_LIMIT = 1 << 20
 _BYTES_A_SCAN = 8
 """A scan without beams has at least its stamp; packed bytes that are all the same can claim any number of them."""
 _MAX_BEAMS = 1 << 21
-_BLOCK = 256
 _DAMAGED = "file damaged from here on: what stands before is read"
 
 
 def open_npz(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
     """Return the scans of an .npz file, which has no topics, read from it a block of rows at a time."""
-    refuse_topic(path, FORMAT, topic)
-    file = NpzFile(path)
-    n, m = _check_arrays(file)
-    return StreamLog(
-        str(path),
-        name=path.name,
-        kind=FORMAT,
-        read=partial(_records, file, n, m, range_max),
-        read_one=_RowReader(file, n, m, range_max),
-        unit="scan",
-    )
+    scans = _Scans(NpzFile(path), range_max)
+    return StreamLog(path, kind=FORMAT, topic=topic, read=scans.records, read_one=scans.one, unit="scan")
 
 
 def _check_arrays(file: NpzFile) -> tuple[int, int]:
@@ -108,185 +79,129 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
     return n, m
 
 
-def _columns(file: NpzFile, n: int, m: int, range_max: float | None) -> tuple[dict[str, Floats], Floats]:
-    """Return the numbers of each scan by their names, (n,) each, and (n,) its beams."""
-    columns = {name: file.read(name) if name in file.headers else value for name, value in DEFAULTS.items()}
-    if range_max is not None:
-        columns["range_max"] = range_max
-    columns["stamp"] = file.read("stamps")
-    counts = file.read("counts") if "counts" in file.headers else np.full(n, float(m))
-    return {name: np.broadcast_to(column, n) for name, column in columns.items()}, counts
+class _Scans:
+    """The scans of a file; the columns of numbers are read once, and the rows of readings when they are asked for."""
 
+    def __init__(self, file: NpzFile, range_max: float | None) -> None:
+        self._file = file
+        self._n, m = _check_arrays(file)
+        columns = {name: file.read(name) if name in file.headers else value for name, value in DEFAULTS.items()}
+        if range_max is not None:
+            columns["range_max"] = range_max
+        columns["stamp"] = file.read("stamps")
+        self._columns = {name: np.broadcast_to(column, self._n) for name, column in columns.items()}
+        self._counts = file.read("counts") if "counts" in file.headers else np.full(self._n, float(m))
 
-class _RowReader:
-    """Reads one scan by the number of its row; the columns of numbers are read once."""
+    def one(self, place: tuple[int, ...]) -> LaserScan:
+        """Return a scan by the number of its row."""
+        (i,) = place
+        return self._scan(i, self._file.row("ranges", i), self._row("angles", i), self._row("intensities", i))
 
-    def __init__(self, file: NpzFile, n: int, m: int, range_max: float | None) -> None:
-        self._arguments = file, n, m, range_max
-        self._columns: tuple[dict[str, Floats], Floats] | None = None
-
-    def __call__(self, place: tuple[int, ...]) -> LaserScan:
-        (i,), file = place, self._arguments[0]
-        if self._columns is None:
-            self._columns = _columns(*self._arguments)
-        columns, counts = self._columns
-        value = {name: column[i].item() for name, column in columns.items()}
-        return _scan(value, counts[i], file.row("ranges", i), self._row("angles", i), self._row("intensities", i))
+    def records(self, read_errors: ReadErrorCounter) -> Iterator[Record]:
+        """Yield all scans, one in memory at a time."""
+        odometry = self._file.read("odometry") if "odometry" in self._file.headers else None
+        ranges = itertools.chain.from_iterable(self._file.blocks("ranges"))
+        rows = zip(ranges, self._rows("angles"), self._rows("intensities"), strict=True)
+        for i in itertools.count():
+            try:
+                row = next(rows, None)
+            except LogFormatError:
+                read_errors.add(_DAMAGED, i + 1)
+                return
+            if row is None:
+                return
+            try:
+                scan = self._scan(i, *row)
+            except BrokenRecordError as error:
+                read_errors.add(str(error), i + 1)
+                continue
+            yield Record(scan, NO_POSE if odometry is None else make_pose(*odometry[i].tolist()), (i,))
 
     def _row(self, name: str, i: int) -> Floats | None:
-        file = self._arguments[0]
-        if name not in file.headers:
+        if name not in self._file.headers:
             return None
-        return file.read(name) if len(file.headers[name].shape) == 1 else file.row(name, i)
+        return self._file.read(name) if len(self._file.headers[name].shape) == 1 else self._file.row(name, i)
+
+    def _rows(self, name: str) -> Iterator[Floats | None]:
+        if name not in self._file.headers:
+            return itertools.repeat(None, self._n)
+        if len(self._file.headers[name].shape) == 1:
+            return itertools.repeat(self._file.read(name), self._n)
+        return itertools.chain.from_iterable(self._file.blocks(name))
+
+    def _scan(self, i: int, ranges: Floats, angles: Floats | None, intensities: Floats | None) -> LaserScan:
+        if not 0.0 <= self._counts[i] <= ranges.size:
+            raise BrokenRecordError("count of beams beyond the row of ranges")
+        n = int(self._counts[i])
+        if intensities is not None:
+            intensities = None if np.isnan(intensities[:n]).all() else intensities[:n]
+        is_own = angles is not None and n > 0 and not math.isnan(angles[0])
+        value = {name: column[i].item() for name, column in self._columns.items()}
+        return make_scan(value, ranges[:n], angles[:n] if angles is not None and is_own else None, intensities)
 
 
-def _records(file: NpzFile, n: int, m: int, range_max: float | None, read_errors: ReadErrorCounter) -> Iterator[Record]:
-    columns, counts = _columns(file, n, m, range_max)
-    wide = list(columns.values())
-    odometry = file.read("odometry") if "odometry" in file.headers else None
-    rows = zip(
-        itertools.chain.from_iterable(file.blocks("ranges")),
-        _rows(file, "angles", n),
-        _rows(file, "intensities", n),
-        strict=True,
-    )
-    table: list[list[float]] = []
-    for i in itertools.count():
-        try:
-            row = next(rows, None)
-        except LogFormatError:
-            read_errors.add(_DAMAGED, i + 1)
-            return
-        if row is None:
-            return
-        if i % _BLOCK == 0:
-            table = np.stack([column[i : i + _BLOCK] for column in wide], axis=-1).tolist()
-        value = dict(zip(columns, table[i % _BLOCK], strict=True))
-        try:
-            scan = _scan(value, counts[i], *row)
-        except BrokenRecordError as error:
-            read_errors.add(str(error), i + 1)
-            continue
-        yield Record(scan, NO_POSE if odometry is None else make_pose(*odometry[i].tolist()), (i,))
-
-
-def _rows(file: NpzFile, name: str, n: int) -> Iterator[Floats | None]:
-    if name not in file.headers:
-        return itertools.repeat(None, n)
-    if len(file.headers[name].shape) == 1:
-        return itertools.repeat(file.read(name), n)
-    return itertools.chain.from_iterable(file.blocks(name))
-
-
-def _scan(
-    value: dict[str, float], count: float, ranges: Floats, angles: Floats | None, intensities: Floats | None
-) -> LaserScan:
-    if not 0.0 <= count <= ranges.size:
-        raise BrokenRecordError("count of beams beyond the row of ranges")
-    n = int(count)
-    if intensities is not None:
-        intensities = None if np.isnan(intensities[:n]).all() else intensities[:n]
-    is_own = angles is not None and n > 0 and not math.isnan(angles[0])
-    return make_scan(value, ranges[:n], angles[:n] if angles is not None and is_own else None, intensities)
-
-
-_MAX_ATTEMPTS = 3
 _YEAR_ZERO = (1980, 1, 1, 0, 0, 0)  # date of all members: the same log gives the same bytes
 
 
 def write_npz(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
-    """Write the scans that a log has at the start as .npz, uncompressed; a LogWriter that loses nothing."""
-    for _ in range(_MAX_ATTEMPTS):
-        try:
-            return _write(path, log, on_scan)
-        except _ShrunkError:
-            path.unlink()
-    raise OutputError(f"cannot write {path.name}: {log.name} changes while it is read; try again when it is whole")
+    """Write a log as .npz, uncompressed; a LogWriter that loses nothing.
 
-
-class _ShrunkError(Exception):
-    """A scan that was there at first is gone, or another."""
-
-
-def _write(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
-    survey = _Survey()
-    for scan in log:
-        survey.add(scan)
-    n, m = len(survey.stamps), max(survey.counts, default=0)
-    n_seen = 0
-
-    def rows(values: Callable[[LaserScan], Floats]) -> Iterator[Floats]:
-        nonlocal n_seen
-        k = 0
-        for k, scan in enumerate(log, 1):
-            if k > n:
-                break
-            if len(scan) != survey.counts[k - 1]:
-                raise _ShrunkError
-            yield values(scan)
-        n_seen = max(n_seen, k)
-        if k < n:
-            raise _ShrunkError
-
-    with zipfile.ZipFile(path, "x", allowZip64=True) as archive:
-        arrays: dict[str, NDArray[np.generic]] = {"stamps": np.array(survey.stamps)}
-        arrays["counts"] = np.array(survey.counts, dtype=np.int64)
-        table = np.array(survey.scalars).reshape(n, len(DEFAULTS))
-        arrays |= dict(zip(DEFAULTS, table.T, strict=True))
-        if log.odometry is not None:
-            poses = np.full((n, 3), np.nan)
-            known = log.odometry.poses[:n]
-            poses[: len(known)] = known
-            arrays["odometry"] = poses
-        for name, array_of in arrays.items():
-            _write_rows(archive, name, array_of.shape, array_of.dtype.str, iter([array_of]))
-        kind = "<f4" if survey.is_short else "<f8"
-
-        def ranges(scan: LaserScan) -> Floats:
-            on_scan()
-            return _padded(scan.ranges, m)
-
-        def angles(scan: LaserScan) -> Floats:
-            return np.full(m, np.nan) if is_on_grid(scan) else _padded(scan.angles, m)
-
-        _write_rows(archive, "ranges", (n, m), kind, rows(ranges))
-        if not survey.is_even:
-            _write_rows(archive, "angles", (n, m), "<f8", rows(angles))
-        if survey.has_intensities:
-            intensities = rows(lambda scan: _padded(scan.intensities, m))
-            _write_rows(archive, "intensities", (n, m), "<f8", intensities)
-    grew = f"{log.name} grew while it was read: its first {n:,} scans are written"
-    return (grew,) if n_seen > n else ()
-
-
-@dataclass
-class _Survey:
-    """What must be known of all scans before the first is written: 64 bytes a scan."""
-
-    stamps: array[float] = field(default_factory=lambda: array("d"))
-    counts: array[int] = field(default_factory=lambda: array("q"))
-    scalars: array[float] = field(default_factory=lambda: array("d"))
-    is_short: bool = True
-    is_even: bool = True
-    has_intensities: bool = False
-
-    def add(self, scan: LaserScan) -> None:
-        self.stamps.append(scan.stamp)
-        self.counts.append(len(scan))
-        self.scalars.extend(getattr(scan, name) for name in DEFAULTS)
-        self.is_even = self.is_even and is_on_grid(scan)
-        self.has_intensities |= scan.intensities is not None
-        if self.is_short:
+    The rows wait in temporary files beside it: how long they are, and of what type, is known when all are there.
+    """
+    stamps, counts, scalars = array("d"), array("q"), array("d")
+    is_short = True
+    with ExitStack() as files:
+        ranges, angles, intensities = (
+            _Rows(files.enter_context(tempfile.TemporaryFile(dir=path.parent)), counts) for _ in range(3)
+        )
+        for scan in log:
+            stamps.append(scan.stamp)
+            counts.append(len(scan))
+            scalars.extend(getattr(scan, name) for name in DEFAULTS)
             with np.errstate(over="ignore", under="ignore"):
                 short = scan.ranges.astype(np.float32).astype(np.float64)
-            self.is_short = np.array_equal(short, scan.ranges, equal_nan=True)
+            is_short = is_short and np.array_equal(short, scan.ranges, equal_nan=True)
+            ranges.add(scan.ranges)
+            angles.add(None if is_on_grid(scan) else scan.angles)
+            intensities.add(scan.intensities)
+            on_scan()
+        n, m = len(stamps), max(counts, default=0)
+        arrays: dict[str, NDArray[np.generic]] = {"stamps": np.array(stamps)}
+        arrays["counts"] = np.array(counts, dtype=np.int64)
+        arrays |= dict(zip(DEFAULTS, np.array(scalars).reshape(n, len(DEFAULTS)).T, strict=True))
+        if log.odometry is not None:
+            arrays["odometry"] = poses = np.full((n, 3), np.nan)
+            known = log.odometry.poses[:n]
+            poses[: len(known)] = known
+        with zipfile.ZipFile(path, "x", allowZip64=True) as archive:
+            for name, array_of in arrays.items():
+                _write_rows(archive, name, array_of.shape, array_of.dtype.str, iter([array_of]))
+            _write_rows(archive, "ranges", (n, m), "<f4" if is_short else "<f8", ranges.padded(m))
+            for name, rows in (("angles", angles), ("intensities", intensities)):
+                if any(rows.is_there):
+                    _write_rows(archive, name, (n, m), "<f8", rows.padded(m))
+    return ()
 
 
-def _padded(values: Floats | None, m: int) -> Floats:
-    row = np.full(m, np.nan)
-    if values is not None:
-        row[: values.size] = values
-    return row
+class _Rows:
+    """Rows of numbers in a temporary file, some of them missing; counts: how long each is."""
+
+    def __init__(self, file: IO[bytes], counts: array[int]) -> None:
+        self._file, self._counts, self.is_there = file, counts, array("b")
+
+    def add(self, values: Floats | None) -> None:
+        self.is_there.append(values is not None)
+        if values is not None:
+            self._file.write(values.tobytes())
+
+    def padded(self, m: int) -> Iterator[Floats]:
+        """Yield all rows, (m,) each, with NaN where there is nothing."""
+        self._file.seek(0)
+        for is_there, count in zip(self.is_there, self._counts, strict=True):
+            row = np.full(m, np.nan)
+            if is_there:
+                row[:count] = np.frombuffer(self._file.read(8 * count))
+            yield row
 
 
 def _write_rows(

@@ -1,8 +1,7 @@
-"""NpzFile: the arrays of an .npz file, whose claimed sizes are checked before anything is allocated.
+"""NpzFile: the arrays of an .npz file, a zip archive with one .npy file an array, read a block of rows at a time.
 
-An .npz is a zip archive with one .npy file an array. The header of each says shape and type; they must agree with the
-bytes that are there before anything is reserved, and nothing is unpickled. Arrays are read from the file a block of
-rows at a time.
+The shape and type in each header must agree with the bytes that are there before anything is reserved; nothing is
+unpickled.
 """
 
 import math

@@ -5,10 +5,8 @@ The fields, blank-separated (CARMEN's ``logger`` and ``logger_playback`` manual)
 - ``FLASER n [n ranges] x y theta odom_x odom_y odom_theta stamp host logger_stamp``
 - ``ROBOTLASER1 type start_angle fov resolution max_range accuracy remission_mode n [n ranges] m [m remissions]
   laser_x laser_y laser_theta robot_x robot_y robot_theta tv rv forward side turn_axis stamp host logger_stamp``
-- ``RAWLASER1 type start_angle fov resolution max_range accuracy remission_mode n [n ranges] m [m remissions]
-  stamp host logger_stamp``
-- ``ODOM x y theta tv rv accel stamp host logger_stamp``
-- ``PARAM name value ...``
+- ``RAWLASER1``: the same without the poses and what follows them up to the stamp
+- ``ODOM x y theta tv rv accel stamp host logger_stamp``, ``PARAM name value ...``
 
 A declared count is only ever compared with the number of fields that are there; nothing is allocated from it.
 """
@@ -19,12 +17,13 @@ import math
 from array import array
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.io.files.lines import BrokenRecordError, LineMark, ReadError, ReadErrorCounter, printable, read_lines
+from curvescan.io.files.lines import BrokenRecordError, ReadError, ReadErrorCounter, printable, read_lines
 from curvescan.io.log import NO_POSE, PoseRow
 from curvescan.types import Floats, Ints
 
@@ -82,24 +81,6 @@ def parse_flaser(line: bytes) -> ScanRecord:
     )
 
 
-def parse_robotlaser1(line: bytes) -> ScanRecord:
-    """Return the sweep of a ROBOTLASER1 line with the pose of the laser. Raises BrokenRecordError."""
-    return _parse_configured(line, "ROBOTLASER1", n_pose_fields=11)
-
-
-def parse_rawlaser1(line: bytes) -> ScanRecord:
-    """Return the sweep of a RAWLASER1 line, which gives no pose. Raises BrokenRecordError."""
-    return _parse_configured(line, "RAWLASER1", n_pose_fields=0)
-
-
-SCAN_PARSERS: dict[bytes, Callable[[bytes], ScanRecord]] = {
-    b"ROBOTLASER1": parse_robotlaser1,
-    b"FLASER": parse_flaser,
-    b"RAWLASER1": parse_rawlaser1,
-}
-"""Parser of each message that carries a sweep of the front laser, the most complete one first."""
-
-
 def parse_odom(line: bytes) -> PoseRow:
     """Return the pose of the robot on an ODOM line. Raises BrokenRecordError."""
     fields = line.split(None, 10)
@@ -123,30 +104,27 @@ def parse_max_range(line: bytes) -> float | None:
     return value
 
 
-def _parse_configured(line: bytes, tag: str, *, n_pose_fields: int) -> ScanRecord:
+def _parse_configured(line: bytes, *, tag: str, n_pose_fields: int) -> ScanRecord:
+    """Return the sweep of a ROBOTLASER1 line, with the pose of the laser, or a RAWLASER1 line, which gives none."""
     fields = line.split()
     n = _count(fields, 8, tag)
     n_remissions = _count(fields, n + 9, tag, least=0)
     end = n + 10 + n_remissions
     _check_length(fields, end + n_pose_fields + _N_TAIL, tag)
     start_angle, fov, resolution, max_range = _numbers(fields[2:6], tag).tolist()
+    if not math.isfinite(start_angle):
+        raise BrokenRecordError(f"{tag} start angle not finite")
     tail = _finite_numbers(fields[end : end + n_pose_fields + 1], tag)
     return ScanRecord(
         stamp=tail[-1],
         ranges=_numbers(fields[9 : n + 9], tag),
-        angle_min=_angle(start_angle, tag),
+        angle_min=start_angle,
         angle_increment=_angle_increment(resolution, fov, n, tag),
         range_max=max_range if 0.0 < max_range < math.inf else math.nan,
         intensities=_numbers(fields[n + 10 : end], tag) if n_remissions == n else None,
         pose=(tail[0], tail[1], tail[2]) if n_pose_fields else None,
         robot_pose=(tail[3], tail[4], tail[5]) if n_pose_fields else None,
     )
-
-
-def _angle(start_angle: float, tag: str) -> float:
-    if not math.isfinite(start_angle):
-        raise BrokenRecordError(f"{tag} start angle not finite")
-    return start_angle
 
 
 def _angle_increment(resolution: float, fov: float, n: int, tag: str) -> float:
@@ -189,6 +167,13 @@ def _finite_numbers(fields: list[bytes], tag: str) -> list[float]:
     return numbers
 
 
+SCAN_PARSERS: dict[bytes, Callable[[bytes], ScanRecord]] = {
+    b"ROBOTLASER1": partial(_parse_configured, tag="ROBOTLASER1", n_pose_fields=11),
+    b"FLASER": parse_flaser,
+    b"RAWLASER1": partial(_parse_configured, tag="RAWLASER1", n_pose_fields=0),
+}
+"""Parser of each message that carries a sweep of the front laser, the most complete one first."""
+
 _PLS_TURN = 1.0 / 25.0  # time of a turn of the mirror, seconds
 _PLS_END = 51.2  # end of the scale of a PLS, metres
 _EVERY = 8  # one sweep of so many is looked at
@@ -197,39 +182,6 @@ _N_READINGS = 1_000  # so many readings show on which steps they lie
 _MOST_BY_CHANCE = 0.6
 """Share of the readings on the two commonest of the five centimetres of a step: 0.40 to 0.42 in six logs of an LMS,
 which counts centimetres, 0.76 to 0.88 in three of a PLS."""
-
-
-@dataclass
-class PlsSigns:
-    """Signs in the readings that the laser is a SICK PLS, which counts in steps of 5 cm, up to 51.15 m.
-
-    Its sweep takes 20 ms, which FLASER lines do not say: a robot that turns by 45 deg/s is 0.9 deg farther at its end.
-    """
-
-    # (5,): readings by their centimetre within a step of a PLS
-    by_centimetre: Ints = field(default_factory=lambda: np.zeros(5, dtype=np.int64))
-    longest: float = 0.0  # the longest finite reading, metres
-    _n_sweeps: int = 0
-
-    def add(self, ranges: Floats) -> None:
-        """Take up a sweep, (n,) metres."""
-        self._n_sweeps += 1
-        if self._n_sweeps % _EVERY != 1:
-            return
-        read = ranges[(ranges > 0.0) & (ranges < 1e6)]  # not where it is NaN
-        if not read.size:
-            return
-        self.longest = max(self.longest, float(read.max()))
-        centimetres = np.rint(100.0 * read).astype(np.int64) % 5
-        self.by_centimetre += np.bincount(centimetres, minlength=5)
-
-    @property
-    def turn_time(self) -> float:
-        """Time of a turn of the mirror, seconds; 0 for a laser of which nothing is known."""
-        n = int(self.by_centimetre.sum())
-        n_on_step = int(np.sort(self.by_centimetre)[-2:].sum())
-        is_pls = n >= _N_READINGS and n_on_step > _MOST_BY_CHANCE * n
-        return _PLS_TURN if is_pls and self.longest <= _PLS_END else 0.0
 
 
 SICK_MM_END = 8.192  # end of the scale of a SICK LMS that counts millimetres, metres
@@ -251,8 +203,10 @@ class Series:
     offsets: array[int] = field(default_factory=lambda: array("q"))
     is_beyond_mm_scale: bool = False  # whether a finite reading exceeds SICK_MM_END
     has_own_limit: bool = True  # whether each line gave its own range limit
-    # what the readings say of the laser, where the lines do not give its limit
-    signs: PlsSigns = field(default_factory=PlsSigns)
+    # of sweeps without one, every eighth: readings by their centimetre within a step of a SICK PLS, and the longest
+    by_centimetre: Ints = field(default_factory=lambda: np.zeros(5, dtype=np.int64))
+    longest: float = 0.0
+    _n_without_limit: int = 0
 
     def add(self, sweep: ScanRecord, robot_pose: PoseRow, offset: int) -> None:
         """Append a sweep, with the pose of the robot for lines that give none."""
@@ -262,10 +216,29 @@ class Series:
         self.robot_poses.extend(sweep.robot_pose or robot_pose)
         if math.isnan(sweep.range_max):
             self.has_own_limit = False
-            self.signs.add(sweep.ranges)
+            if self._n_without_limit % _EVERY == 0:
+                self._look_for_steps(sweep.ranges)
+            self._n_without_limit += 1
             if not self.is_beyond_mm_scale:
                 far = (sweep.ranges > SICK_MM_END) & (sweep.ranges < math.inf)
                 self.is_beyond_mm_scale = bool(np.any(far))
+
+    def _look_for_steps(self, ranges: Floats) -> None:
+        read = ranges[(ranges > 0.0) & (ranges < 1e6)]  # not where it is NaN
+        self.longest = max(self.longest, float(read.max(initial=0.0)))
+        self.by_centimetre += np.bincount(np.rint(100.0 * read).astype(np.int64) % 5, minlength=5)
+
+    @property
+    def turn_time(self) -> float:
+        """Time of a turn of the mirror, seconds; 0 for a laser of which nothing is known.
+
+        A SICK PLS counts in steps of 5 cm, up to 51.15 m. Its sweep takes 20 ms, which FLASER lines do not say: a robot
+        that turns by 45 deg/s is 0.9 deg farther at its end.
+        """
+        n = int(self.by_centimetre.sum())
+        n_on_step = int(np.sort(self.by_centimetre)[-2:].sum())
+        is_pls = n >= _N_READINGS and n_on_step > _MOST_BY_CHANCE * n
+        return _PLS_TURN if is_pls and self.longest <= _PLS_END else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -286,39 +259,30 @@ def build_index(path: Path) -> Index:
     counts: dict[bytes, int] = {}
     series = {tag: Series() for tag in SCAN_PARSERS}
     robot_pose, max_range = NO_POSE, None
-    mark = LineMark()
-    for number, line in read_lines(path, read_errors, mark):
+    for number, offset, line in read_lines(path, read_errors):
         tag = tag_of(line)
-        _count_tag(counts, tag)
+        if tag:
+            # a file of arbitrary text may have as many first words as lines: they share one count
+            is_known = tag in counts or len(counts) < _MAX_TAGS or tag in SCAN_PARSERS
+            name = tag if is_known else OTHER_TAGS.encode()
+            counts[name] = counts.get(name, 0) + 1
         try:
             if tag in SCAN_PARSERS:
                 sweep = SCAN_PARSERS[tag](line)
-                series[tag].add(sweep, robot_pose, mark.offset)
+                series[tag].add(sweep, robot_pose, offset)
             elif tag == b"ODOM":
                 robot_pose = parse_odom(line)
             elif tag == b"PARAM":
                 max_range = parse_max_range(line) or max_range
         except BrokenRecordError as error:
             read_errors.add(str(error), number)
+    names: dict[str, int] = {}
+    for tag, count in counts.items():
+        name_of_tag = printable(tag.decode("ascii", errors="replace"))
+        names[name_of_tag] = names.get(name_of_tag, 0) + count
     return Index(
         series={tag: found for tag, found in series.items() if found.stamps},
         max_range=max_range,
-        tag_counts=_named(counts),
+        tag_counts=names,
         read_errors=read_errors.read_errors(),
     )
-
-
-def _count_tag(counts: dict[bytes, int], tag: bytes) -> None:
-    # a file of arbitrary text may have as many first words as lines: they share one count
-    if tag not in counts and len(counts) >= _MAX_TAGS and tag not in SCAN_PARSERS:
-        tag = OTHER_TAGS.encode()
-    if tag:
-        counts[tag] = counts.get(tag, 0) + 1
-
-
-def _named(counts: dict[bytes, int]) -> dict[str, int]:
-    names: dict[str, int] = {}
-    for tag, count in counts.items():
-        name = printable(tag.decode("ascii", errors="replace"))
-        names[name] = names.get(name, 0) + count
-    return names

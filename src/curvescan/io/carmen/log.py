@@ -2,8 +2,7 @@
 
 Which lines are read. The front laser's, as FLASER, ROBOTLASER1 or RAWLASER1. A logger may write the same sweep
 under two of these names; of a log that holds several, only the most complete one is read: ROBOTLASER1 before
-FLASER before RAWLASER1. A rear or further laser (RLASER, ROBOTLASER2, ...) is counted and not read. ``notes``
-says what was left out.
+FLASER before RAWLASER1. A rear or further laser is counted and not read.
 
 The range limit. ROBOTLASER1 and RAWLASER1 lines give it; for FLASER the parameter ``robot_front_laser_max`` of a PARAM
 line does (the last one counts). Failing both, the laser is taken for a SICK LMS, whose 13-bit codes 8183..8191
@@ -11,17 +10,7 @@ stand for *no reading*: 81.83 to 81.91 m when it counts centimetres, 8.183 to 8.
 limit is then 8.18 m when no reading of the log exceeds 8.192 m, else 80 m. A limit that lies among the codes (a
 laser declared as 81.90) is brought below the first of them.
 
-The times of the beams. FLASER lines do not give them; where the readings are those of a SICK PLS they follow
-from the speed of its mirror: see :mod:`curvescan.io.carmen.lines`.
-
-What is written. Each scan becomes a ROBOTLASER1 line, which says most of a scan: its first angle, its increment and
-its limit, where FLASER leaves all three to convention. It has a pose; where the log has no odometry for every scan
-the lines are RAWLASER1, which has none, with an ODOM line before each scan whose pose is known.
-
-Numbers have as many digits as it takes to read the same float64 again. Lost are range_min (readings below it are
-written as 0, so that they stay *no reading*), the times of beams and sweeps, and the direction of the sweep: lines run
-counter-clockwise, so that a clockwise scan is mirrored, its beams in opposite order at the same angles. No limit (inf)
-becomes the largest float64. Beams that are not evenly spaced cannot be said.
+What is written, and what is lost of it, stands in docs/formats.md. No limit (inf) becomes the largest float64.
 """
 
 from __future__ import annotations
@@ -37,10 +26,10 @@ from types import MappingProxyType
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import LogFileError, LogFormatError, OutputError
-from curvescan.io.carmen.lines import SCAN_PARSERS, Index, ScanRecord, build_index, tag_of
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
+from curvescan.io.carmen.lines import SCAN_PARSERS, ScanRecord, build_index, tag_of
 from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter, printable, read_line_at, read_lines, text_file
-from curvescan.io.log import Log, ScanAccess, refuse_topic, scans_with_poses
+from curvescan.io.log import Log, ScanAccess, scans_with_poses
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
@@ -59,16 +48,27 @@ class CarmenLog(ScanAccess):
     """The sweeps of a CARMEN log's front laser, in file order; a Log. Each iteration reads the file anew."""
 
     def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:
-        refuse_topic(path, "CARMEN log", topic)
+        if topic is not None:
+            raise InvalidArgumentError(
+                f"{path} is a CARMEN log, which has no topics, got topic {topic!r}: leave it out"
+            )
         self.name, self.format = path.name, "CARMEN log"
         self._path = path
         self._index = build_index(path)
         if not self._index.series:
-            raise LogFormatError(_no_scan_message(path, self._index))
+            if self._index.read_errors:
+                raise LogFormatError(
+                    f"{path} is a CARMEN log without a scan that can be read: {self._index.read_errors[0]}"
+                )
+            tags = printable(", ".join(self._index.tag_counts), 300) or "none"
+            raise LogFormatError(
+                f"{path} is a CARMEN log without a scan: it needs FLASER, ROBOTLASER1 or RAWLASER1 lines, and holds "
+                f"{tags}"
+            )
         self.read_errors = self._index.read_errors
         self.tag_counts: Mapping[str, int] = MappingProxyType(self._index.tag_counts)
         self._tag, self._series = next(iter(self._index.series.items()))
-        self._range_max = range_max
+        self._range_max, self._turn_time = range_max, self._series.turn_time
 
     @cached_property
     def odometry(self) -> Trajectory | None:
@@ -114,7 +114,7 @@ class CarmenLog(ScanAccess):
 
     def __iter__(self) -> Iterator[LaserScan]:
         tag, parse = self._tag, SCAN_PARSERS[self._tag]
-        for _, line in read_lines(self._path, ReadErrorCounter()):
+        for _, _, line in read_lines(self._path, ReadErrorCounter()):
             if tag_of(line) != tag:
                 continue
             try:
@@ -131,30 +131,20 @@ class CarmenLog(ScanAccess):
             raise LogFileError(f"{self._path} has changed since it was opened: {error}") from error
 
     def _scan(self, sweep: ScanRecord) -> LaserScan:
+        limit = self._default_limit if math.isnan(sweep.range_max) else _below_codes(sweep.range_max)
         return LaserScan(
             sweep.ranges,
             angle_min=sweep.angle_min,
             angle_increment=sweep.angle_increment,
-            range_max=self._limit(sweep.range_max),
+            range_max=limit if self._range_max is None else self._range_max,
             stamp=sweep.stamp,
             time_increment=self._turn_time * sweep.angle_increment / (2.0 * math.pi),
             intensities=sweep.intensities,
         )
 
-    def _limit(self, range_max: float) -> float:
-        if self._range_max is not None:
-            return self._range_max
-        if math.isnan(range_max):
-            return self._default_limit
-        return _below_codes(range_max)
-
-    @cached_property
-    def _turn_time(self) -> float:
-        """Time of a turn of the laser's mirror, seconds; 0 where it is not known."""
-        return self._series.signs.turn_time
-
     @cached_property
     def _default_limit(self) -> float:
+        """Range limit where a line gives none."""
         if self._index.max_range is not None:
             return _below_codes(self._index.max_range)
         return 80.0 if self._series.is_beyond_mm_scale else 8.18
@@ -184,13 +174,6 @@ def _below_codes(range_max: float) -> float:
         if below < range_max <= end:
             return below
     return range_max
-
-
-def _no_scan_message(path: Path, index: Index) -> str:
-    if index.read_errors:
-        return f"{path} is a CARMEN log without a scan that can be read: {index.read_errors[0]}"
-    tags = printable(", ".join(index.tag_counts), 300) or "none"
-    return f"{path} is a CARMEN log without a scan: it needs FLASER, ROBOTLASER1 or RAWLASER1 lines, and holds {tags}"
 
 
 def write_carmen(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:

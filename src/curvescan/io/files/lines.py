@@ -1,8 +1,7 @@
 """Lines of a text file, plain or gzip-compressed, in bounded memory; whole gzip files unpacked and written.
 
-Compression is detected by the two magic bytes of gzip (RFC 1952), never by the name of the file. Compressed data
-that break off deliver what stands before the break; a line that never ends is dropped while it is read. Both
-are read errors, neither is fatal.
+Compression is detected by its first two bytes, never by the name of the file. Compressed data that break off deliver
+what stands before the break; a line that never ends is dropped. Both are read errors, neither is fatal.
 """
 
 import errno
@@ -47,21 +46,17 @@ class ReadErrorCounter:
 
     def __init__(self, unit: str = "line") -> None:
         self._unit = unit
-        self._counts: dict[str, int] = {}
-        self._first_numbers: dict[str, int] = {}
+        self._numbers: dict[str, tuple[int, int]] = {}  # by rule: how often, and where first
 
     def add(self, rule: str, number: int) -> None:
         """Count one breach of `rule`, a phrase such as ``"FLASER line cut short"``."""
-        self._counts[rule] = self._counts.get(rule, 0) + 1
-        self._first_numbers.setdefault(rule, number)
+        count, first = self._numbers.get(rule, (0, number))
+        self._numbers[rule] = (count + 1, first)
 
     def read_errors(self) -> tuple[ReadError, ...]:
         """Return one ReadError a rule, most frequent first, then in the order they were met."""
-        rules = sorted(self._counts, key=lambda rule: -self._counts[rule])
-        return tuple(
-            ReadError(rule=rule, count=self._counts[rule], first=f"{self._unit} {self._first_numbers[rule]}")
-            for rule in rules
-        )
+        found = sorted(self._numbers.items(), key=lambda item: -item[1][0])
+        return tuple(ReadError(rule=rule, count=n, first=f"{self._unit} {first}") for rule, (n, first) in found)
 
 
 def printable(text: str, longest: int = 60) -> str:
@@ -113,22 +108,11 @@ def read_head(path: Path, n_bytes: int) -> bytes:
     return head[:n_bytes]
 
 
-class LineMark:
-    """Where the line stands that :func:`read_lines` yielded last: offset of its first byte after unpacking."""
-
-    __slots__ = ("offset",)
-
-    def __init__(self) -> None:
-        self.offset = 0
-
-
 def read_line_at(path: Path, offset: int) -> bytes:
     """Return the line that begins at an offset, without its newline. Raises LogFileError."""
     with _opened(path) as raw:
         try:
-            is_gzip = raw.read(2) == GZIP_MAGIC
-            raw.seek(0)
-            stream: io.BufferedIOBase = gzip.GzipFile(fileobj=raw) if is_gzip else raw
+            stream = _unpacked(raw)
             stream.seek(offset)
             line = stream.readline(MAX_LINE_BYTES + 1)
         except (EOFError, gzip.BadGzipFile, zlib.error, OSError) as error:
@@ -136,23 +120,24 @@ def read_line_at(path: Path, offset: int) -> bytes:
     return line.removesuffix(b"\n")
 
 
-def read_lines(path: Path, read_errors: ReadErrorCounter, mark: LineMark | None = None) -> Iterator[tuple[int, bytes]]:
-    """Yield the number, from 1, and the bytes of each line, without its newline. Raises LogFileError."""
+def read_lines(path: Path, read_errors: ReadErrorCounter) -> Iterator[tuple[int, int, bytes]]:
+    """Yield each line: its number, from 1, where it begins after unpacking, and its bytes without the newline.
+
+    Raises LogFileError.
+    """
     number, tail, is_dropping = 0, b"", False
-    mark = mark or LineMark()
     start = 0  # of what is split next
     try:
         for chunk in read_chunks(path):
             *lines, tail = (tail + chunk).split(b"\n")
             for line in lines:
-                number += 1
-                mark.offset = start
+                number, begin = number + 1, start
                 start += len(line) + 1
                 if is_dropping or len(line) > MAX_LINE_BYTES:
                     is_dropping = False
                     read_errors.add(LONG_LINE, number)
                 else:
-                    yield number, line
+                    yield number, begin, line
             if is_dropping or len(tail) > MAX_LINE_BYTES:
                 start += len(tail)
                 is_dropping, tail = True, b""
@@ -161,8 +146,7 @@ def read_lines(path: Path, read_errors: ReadErrorCounter, mark: LineMark | None 
     if is_dropping:
         read_errors.add(LONG_LINE, number + 1)
     elif tail:
-        mark.offset = start
-        yield number + 1, tail
+        yield number + 1, start, tail
 
 
 def read_chunks(path: Path) -> Iterator[bytes]:
@@ -170,10 +154,8 @@ def read_chunks(path: Path) -> Iterator[bytes]:
     # read1 hands over what is unpacked before it meets a break; read would lose up to a buffer of it
     with _opened(path) as raw:
         try:
-            is_gzip = raw.read(2) == GZIP_MAGIC
-            raw.seek(0)
-            stream: io.BufferedIOBase = gzip.GzipFile(fileobj=raw) if is_gzip else raw
-            left = unpacked_limit(path) if is_gzip else math.inf
+            stream = _unpacked(raw)
+            left = math.inf if stream is raw else unpacked_limit(path)
             while chunk := stream.read1(_CHUNK_BYTES):
                 left -= len(chunk)
                 if left < 0:
@@ -189,6 +171,12 @@ def read_chunks(path: Path) -> Iterator[bytes]:
             ) from error
         except OSError as error:
             raise LogFileError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+def _unpacked(raw: io.BufferedReader) -> io.BufferedIOBase:
+    is_gzip = raw.read(2) == GZIP_MAGIC
+    raw.seek(0)
+    return gzip.GzipFile(fileobj=raw) if is_gzip else raw
 
 
 @contextmanager
@@ -237,11 +225,8 @@ def unpack(path: Path, target: Path) -> bool:
 
 def is_packed(path: Path) -> bool:
     """Return whether a file begins like gzip-compressed data. Raises LogFileError."""
-    try:
-        with path.open("rb") as file:
-            return file.read(len(GZIP_MAGIC)) == GZIP_MAGIC
-    except OSError as error:
-        raise LogFileError(f"cannot read {path}: {error.strerror or error}") from error
+    with _opened(path) as raw:
+        return raw.read(len(GZIP_MAGIC)) == GZIP_MAGIC
 
 
 @contextmanager

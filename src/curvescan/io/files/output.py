@@ -11,7 +11,7 @@ import re
 import secrets
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -41,8 +41,7 @@ def output_folder(path: str | os.PathLike[str], *, inputs: Sequence[str | os.Pat
     before. A process that is killed leaves files of one run; the other run's are in the hidden folder, which then
     stays. Raises OutputError.
     """
-    with _temporary(path, _check_is_free, lambda target: target if target.exists() else target.parent) as found:
-        temporary, target = found
+    with _temporary(path, is_file=False) as (temporary, target):
         yield temporary
         with held_back():
             _move(temporary, target, inputs)
@@ -55,7 +54,7 @@ def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     After an error, and when the process is killed, `path` is as before. A symbolic link stays: its target is replaced.
     """
-    with _temporary(path, _check_takes_file, lambda target: target.parent) as (temporary, target):
+    with _temporary(path, is_file=True) as (temporary, target):
         yield temporary / target.name
         with held_back():
             replace(temporary / target.name, target)
@@ -64,19 +63,17 @@ def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 @contextmanager
-def _temporary(
-    path: str | os.PathLike[str], check: Callable[[Path], None], place: Callable[[Path], Path]
-) -> Iterator[tuple[Path, Path]]:
+def _temporary(path: str | os.PathLike[str], *, is_file: bool) -> Iterator[tuple[Path, Path]]:
     """Yield a hidden folder, gone when the block ends, and the target; an error takes the new parents along."""
     made: list[Path] = []
     with cleaned_up_by(lambda: _remove(made)), _one_sentence(path):
         try:
             target = Path(os.path.realpath(path))
-            check(target)
+            _check(target, is_file=is_file)
             for parent in reversed([parent for parent in target.parents if not parent.exists()]):
                 parent.mkdir()
                 made.append(parent)
-            with _hidden_folder(place(target)) as temporary:
+            with _hidden_folder(target if target.exists() and not is_file else target.parent) as temporary:
                 yield temporary, target
         except BaseException:
             with held_back():
@@ -102,14 +99,11 @@ def _one_sentence(path: str | os.PathLike[str]) -> Iterator[None]:
         ) from error
 
 
-def _check_is_free(target: Path) -> None:
-    if target.exists() and not target.is_dir():
-        raise OutputError(f"{target} is a file: results need a folder, choose another name")
-
-
-def _check_takes_file(target: Path) -> None:
-    _check_is_free(target.parent)
-    if target.exists() and not target.is_file():
+def _check(target: Path, *, is_file: bool) -> None:
+    folder = target.parent if is_file else target
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder} is a file: results need a folder, choose another name")
+    if is_file and target.exists() and not target.is_file():
         kind = "folder" if target.is_dir() else "device or a pipe"
         raise OutputError(f"{target} is a {kind}: a result needs a file, choose another name")
 
@@ -200,7 +194,12 @@ def _move(temporary: Path, target: Path, inputs: Sequence[str | os.PathLike[str]
         replace(temporary, target)
         return
     new = [*_units(temporary, target)]
-    _check_goals(new, temporary, target)
+    for name in new:  # before the first move, so that the target does not end half old, half new
+        goal = target / name
+        if goal.is_dir():
+            raise OutputError(f"{goal} is a folder and a result has its name: remove or rename it")
+        if goal.exists() and (temporary / name).is_dir():
+            raise OutputError(f"{goal} is a file where results need a folder: remove it")
     replaced = {name for name in new if (target / name).exists() or (target / name).is_symlink()}
     old = replaced | _results_before(temporary, target, inputs)
     if len(old) == len(replaced) == 1:  # a single file can be replaced in one step, and first
@@ -265,13 +264,3 @@ def _listed(record: Path) -> set[Path]:
     names = content.get("files") if isinstance(content, dict) else None
     listed = {Path(name) for name in names or () if isinstance(name, str) and "\0" not in name}
     return {name for name in listed if not name.is_absolute() and ".." not in name.parts}
-
-
-def _check_goals(new: Sequence[Path], temporary: Path, target: Path) -> None:
-    # looked at before the first move, so that the target does not end half old, half new
-    for name in new:
-        goal = target / name
-        if goal.is_dir():
-            raise OutputError(f"{goal} is a folder and a result has its name: remove or rename it")
-        if goal.exists() and (temporary / name).is_dir():
-            raise OutputError(f"{goal} is a file where results need a folder: remove it")

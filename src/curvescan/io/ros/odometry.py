@@ -35,7 +35,8 @@ def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -
     """Return the odometry of a bag, from one pass over its odometry and its transforms. stamps (n,)."""
     odometry_topics = [n for n, t in bag.topics.items() if t.msgtype == ODOMETRY and t.count]
     transform_topics = [n for n, t in bag.topics.items() if t.msgtype in TRANSFORMS and t.count]
-    chosen = _choose(odometry_topics)
+    usual = [name for name in odometry_topics if name.strip("/") == "odom"]
+    chosen = next(iter(odometry_topics if len(odometry_topics) == 1 else usual), None)
     notes = []
     if chosen is None and odometry_topics:
         several = ", ".join(shown(name) for name in odometry_topics[:8])
@@ -47,12 +48,11 @@ def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -
         notes.append(f"{n_broken:,} odometry or transform messages cannot be decoded: they are left out")
     if reader.odometry:
         edge, motion, source = reader.odometry_edge, reader.odometry, shown(chosen or "")
-    else:
-        base = _nearest_base(reader.tree, reader.motions, frame_name(frame))
-        if base is None:
-            return BagOdometry(notes=tuple(notes))
+    elif base := _nearest_base(reader.tree, reader.motions, frame_name(frame)):
         edge, motion = base, reader.motions[base]
         source = f"transforms {shown(edge[0])} to {shown(edge[1])}"
+    else:
+        return BagOdometry(notes=tuple(notes))
     poses = _at(stamps, np.array(motion).reshape(-1, 4))
     if np.all(np.isnan(poses)):
         notes.append(f"odometry from {source} does not cover the time of any scan: it is left out")
@@ -90,22 +90,15 @@ class _Reader:
         self.has_covariance = False
 
     def add(self, message: Message, decoded: Any) -> None:
-        add = self._add_odometry if message.msgtype == ODOMETRY else self._add_transforms
-        add(message, decoded)
-
-    def _add_odometry(self, message: Message, decoded: Any) -> None:
-        pose = decoded.pose.pose
-        if not self.odometry:
-            self.odometry_edge = (frame_name(decoded.header.frame_id), frame_name(decoded.child_frame_id))
-        self.has_covariance |= bool(decoded.pose.covariance[0] > 0.0)
-        stamp = _time_of(message, decoded.header, is_unstamped=self._is_unstamped)
-        self.odometry.extend((stamp, *planar(seven(pose.position, pose.orientation))))
-
-    def _add_transforms(self, message: Message, decoded: Any) -> None:
-        for item in decoded.transforms:
-            edge = frame_name(item.header.frame_id), frame_name(item.child_frame_id)
-            transform = seven(item.transform.translation, item.transform.rotation)
-            self.tree.add(edge, transform)
+        if message.msgtype == ODOMETRY:
+            pose = decoded.pose.pose
+            if not self.odometry:
+                self.odometry_edge = (frame_name(decoded.header.frame_id), frame_name(decoded.child_frame_id))
+            self.has_covariance |= bool(decoded.pose.covariance[0] > 0.0)
+            stamp = _time_of(message, decoded.header, is_unstamped=self._is_unstamped)
+            self.odometry.extend((stamp, *planar(seven(pose.position, pose.orientation))))
+            return
+        for item, edge, transform in self.tree.add_all(decoded):
             if "odom" in edge[0].rpartition("/")[2] and edge in self.tree.transforms:
                 stamp = _time_of(message, item.header, is_unstamped=self._is_unstamped)
                 self.motions.setdefault(edge, array("d")).extend((stamp, *planar(transform)))
@@ -116,18 +109,12 @@ def _time_of(message: Message, header: Any, *, is_unstamped: bool) -> float:
     return message.received / 10**9 if is_unstamped else stamp_of(header)
 
 
-def _choose(topics: list[str]) -> str | None:
-    if len(topics) == 1:
-        return topics[0]
-    return next((name for name in topics if name.strip("/") == "odom"), None)
-
-
 def _nearest_base(tree: FrameTree, motions: Collection[Edge], frame: str) -> Edge | None:
     """Return the odometry edge that leads to the laser on the shortest way, or else to a usual base."""
     ways = {edge: tree.path(edge[1], frame, avoid=edge[0]) for edge in motions}
-    reaching = [edge for edge, way in ways.items() if way is not None]
+    reaching = {edge: len(way) for edge, way in ways.items() if way is not None}
     if reaching:
-        return min(reaching, key=lambda edge: len(ways[edge] or ()))
+        return min(reaching, key=lambda edge: reaching[edge])
     usual = [edge for name in _USUAL_BASES for edge in motions if edge[1] == name]
     return next(iter([*usual, *motions]), None)
 

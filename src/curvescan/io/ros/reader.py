@@ -1,8 +1,7 @@
 """RosbagLog: the laser scans of a ROS bag, ROS 1 or ROS 2, read without ROS.
 
-Scans stand in the order in which the recorder received them; their stamps are those of the message headers. Ranges and
-limits are taken as they are (REP-117): 0, NaN and infinities are *no reading*. So are the beams' directions: where the
-transforms say that the laser hangs upside down, :func:`curvescan.io.read_log` mirrors the scans.
+Ranges and limits are taken as they are (REP-117): 0, NaN and infinities are *no reading*. So are the beams' directions:
+where the transforms say that the laser hangs upside down, :func:`curvescan.io.read_log` mirrors the scans.
 """
 
 from __future__ import annotations
@@ -61,7 +60,11 @@ class RosbagLog(ScanAccess):
         self._frame, self._is_unstamped = "", False
         is_sound = self._look_at_first()
         if not is_sound and next(iter(self), None) is None:
-            raise LogFormatError(self._no_scan_message())
+            faults = self._surveyed().read_errors
+            reason = faults[0] if faults else "its table of contents promises messages that are not there"
+            raise LogFormatError(
+                f"{path} is a {self.format} without a scan that can be read on topic {shown(self.topic)}: {reason}"
+            )
 
     @property
     def odometry(self) -> Trajectory | None:
@@ -196,14 +199,6 @@ class RosbagLog(ScanAccess):
         self._is_unstamped = len(stamps) > 1 and not any(stamps)
         return is_sound
 
-    def _no_scan_message(self) -> str:
-        read_errors = self._surveyed().read_errors
-        reason = read_errors[0] if read_errors else "its table of contents promises messages that are not there"
-        return (
-            f"{self._bag.path} is a {self.format} without a scan that can be read on topic "
-            f"{shown(self.topic)}: {reason}"
-        )
-
     def _scan(self, decoded: Any, message: Message) -> LaserScan:
         stamp = message.received / 10**9 if self._is_unstamped else None
         return scan_of(decoded, stamp=stamp, range_max=self._range_max)
@@ -216,7 +211,12 @@ def _laser_topics(bag: Bag) -> dict[str, int]:
 def _choose_topic(bag: Bag, topic: str | None) -> str:
     lasers = _laser_topics(bag)
     if not lasers:
-        raise LogFormatError(_no_laser_message(bag))
+        held = [f"{shown(name)} ({topic.count:,} {short_name(topic.msgtype)})" for name, topic in bag.topics.items()]
+        more = f" and {len(held) - _MAX_LISTED} more" if len(held) > _MAX_LISTED else ""
+        raise LogFormatError(
+            f"{bag.path} is a {bag.kind.value} without a laser scan: it needs sensor_msgs/LaserScan messages, and "
+            f"holds {', '.join(held[:_MAX_LISTED]) or 'no topic'}{more}"
+        )
     listed = ", ".join(f"{shown(name)} ({n:,} scans)" for name, n in list(lasers.items())[:_MAX_LISTED])
     if topic is None:
         if len(lasers) == 1:
@@ -236,12 +236,3 @@ def _choose_topic(bag: Bag, topic: str | None) -> str:
         else f"{bag.path} has no topic {topic!r} with laser scans"
     )
     raise InvalidArgumentError(f"{what}: the nearest is {shown(near)}; it holds {listed}")
-
-
-def _no_laser_message(bag: Bag) -> str:
-    held = [f"{shown(name)} ({topic.count:,} {short_name(topic.msgtype)})" for name, topic in bag.topics.items()]
-    more = f" and {len(held) - _MAX_LISTED} more" if len(held) > _MAX_LISTED else ""
-    return (
-        f"{bag.path} is a {bag.kind.value} without a laser scan: it needs sensor_msgs/LaserScan messages, and "
-        f"holds {', '.join(held[:_MAX_LISTED]) or 'no topic'}{more}"
-    )

@@ -1,17 +1,15 @@
-"""The tree of coordinate frames of a bag (/tf, /tf_static), and from it how each laser is mounted on its robot.
-
-Frames are compared without their leading slash: ROS 1 knew both ``/base_link`` and ``base_link``.
-"""
+"""The tree of coordinate frames of a bag (/tf, /tf_static), and from it how each laser is mounted on its robot."""
 
 import math
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from curvescan.io.ros.bags.bag import Bag, Message
+from curvescan.io.ros.bags.bag import Bag
 from curvescan.io.ros.messages import LASER_SCAN, TRANSFORMS
 from curvescan.types import Floats, Pose
 
@@ -41,6 +39,14 @@ class FrameTree:
                 self.transforms[edge] = transform
         elif transform != first and edge not in self.moving and not _is_same(transform, first):
             self.moving.add(edge)
+
+    def add_all(self, message: Any) -> Iterator[tuple[Any, Edge, Transform]]:
+        """Take note of the transforms of a message, and yield each with its frames and its numbers."""
+        for item in message.transforms:
+            edge = frame_name(item.header.frame_id), frame_name(item.child_frame_id)
+            transform = seven(item.transform.translation, item.transform.rotation)
+            self.add(edge, transform)
+            yield item, edge, transform
 
     def path(self, start: str, end: str, *, avoid: str) -> list[Edge] | None:
         """Return the edges from frame to frame, the shortest way that does not touch `avoid`; None without."""
@@ -147,7 +153,10 @@ def laser_mounts(path: Path) -> dict[str, Pose | None]:
         first = bag.decode(next(iter(bag.messages([topic]))))
         ways = [(base, tree.path(base, frame_name(first.header.frame_id), avoid="")) for base in bases]
         base, way = next(((base, way) for base, way in ways if way is not None), ("", None))
-        mounts[topic] = None if way is None else _from_above(tree.along(base, way))
+        mounts[topic] = None
+        if way is not None:
+            pose = tree.along(base, way)
+            mounts[topic] = np.array([pose[0, 3], pose[1, 3], math.atan2(pose[1, 0], pose[0, 0])])
     return mounts
 
 
@@ -158,8 +167,7 @@ def laser_tilt(bag: Bag, frame: str) -> float:
     for level in _LEVEL:
         known = {name for edge in tree.transforms for name in edge if name.rpartition("/")[2] == level}
         for start in sorted(known):
-            way = tree.path(start, frame, avoid="")
-            if way is not None:
+            if (way := tree.path(start, frame, avoid="")) is not None:
                 return _from_vertical(float(tree.along(start, way)[2, 2]))
     root, way = tree.root(frame)
     return _from_vertical(float(tree.along(root, way)[2, 2]))
@@ -178,21 +186,12 @@ def tilt_notes(tilt: float) -> tuple[str, ...]:
 
 def _first_transforms(bag: Bag) -> FrameTree:
     tree = FrameTree()
-
-    def add(_: Message, decoded: Any) -> None:
-        for item in decoded.transforms:
-            edge = frame_name(item.header.frame_id), frame_name(item.child_frame_id)
-            tree.add(edge, seven(item.transform.translation, item.transform.rotation))
-
     for name, topic in bag.topics.items():
         if topic.msgtype in TRANSFORMS and topic.count:
-            bag.each([name], add, _N_FIRST)  # broken ones are counted where the odometry is read
+            bag.each(
+                [name], lambda _, decoded: [*tree.add_all(decoded)], _N_FIRST
+            )  # broken ones are counted where the odometry is read
     return tree
-
-
-def _from_above(pose: Floats) -> Pose:
-    """Return the pose x, y, theta of a (4, 4) pose: theta is where its x axis points."""
-    return np.array([pose[0, 3], pose[1, 3], math.atan2(pose[1, 0], pose[0, 0])])
 
 
 def _from_vertical(up: float) -> float:

@@ -1,10 +1,11 @@
-"""Trajectories as text and back: one table of layouts.
+"""Trajectories as text and back: TUM, KITTI and CSV.
 
 TUM (Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", 2012): ``stamp x y z qx qy qz qw`` a line.
-KITTI: the first three rows of each pose's matrix, twelve numbers a line. CSV: the columns of CSV_HEADER, or any that
-have the names stamp (or timestamp), x, y and theta. Numbers have as many digits as it takes to read the same float64
+KITTI: the first three rows of each pose's matrix. Numbers have as many digits as it takes to read the same float64
 again: in CSV everything comes back to the bit; in the others the angle comes back within 1e-15 rad.
 """
+
+from __future__ import annotations
 
 import csv
 import math
@@ -12,15 +13,18 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal, NamedTuple, Protocol, TextIO, TypeAlias, get_args
+from typing import TYPE_CHECKING, Literal, NamedTuple, TextIO, TypeAlias, get_args
 
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import CurvescanError, InvalidArgumentError, LogFileError, LogFormatError, OutputError
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.lines import GZIP_MAGIC, printable, read_head
 from curvescan.io.files.output import output_file
 from curvescan.types import Cov, Floats, Pose
+
+if TYPE_CHECKING:
+    from curvescan.io.trajectories.trajectory import Trajectory
 
 TrajectoryFormat: TypeAlias = Literal["tum", "csv", "kitti"]  # formats in which a trajectory is written and read
 
@@ -31,7 +35,6 @@ CSV_HEADER = (
 )  # fmt: skip
 
 _ENDINGS: dict[str, TrajectoryFormat] = {".tum": "tum", ".txt": "tum", ".csv": "csv", ".kitti": "kitti"}
-_STAMP_NAMES = ("stamp", "timestamp")
 _POSE_NAMES = ("x", "y", "theta")
 _UPPER = np.triu_indices(3)
 _HEAD_BYTES = 1 << 12
@@ -40,25 +43,14 @@ _LEAST_UPRIGHT = 0.996  # its cosine
 
 
 class PoseRows(NamedTuple):
-    """What a file holds: stamps (n,), s; poses (n, 3) [x, y, theta], m, m, rad; covariances (n, 3, 3) or None."""
+    """The fields of a Trajectory, as a file holds them."""
 
     stamps: Floats
     poses: Pose
     covariances: Cov | None = None
 
 
-class _Poses(Protocol):
-    """What is written: a Trajectory, or rows."""
-
-    @property
-    def stamps(self) -> Floats: ...
-    @property
-    def poses(self) -> Pose: ...
-    @property
-    def covariances(self) -> Cov | None: ...
-
-
-def checked(trajectory: _Poses) -> _Poses:
+def checked(trajectory: Trajectory) -> Trajectory:
     """Return a trajectory, or raise InvalidArgumentError where it is none."""
     if not isinstance(getattr(trajectory, "poses", None), np.ndarray):
         got = f"got {type(trajectory).__name__}: give run.trajectory, or what read_tum returns"
@@ -75,7 +67,7 @@ class _Layout(NamedTuple):
     parse: Callable[[list[float], str], tuple[float, float, float, float]]
 
 
-def write_tum(path: str | os.PathLike[str], trajectory: _Poses) -> None:
+def write_tum(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
     """Write a trajectory as TUM text, one line a pose, in its own order.
 
     Parameters
@@ -95,7 +87,7 @@ def write_tum(path: str | os.PathLike[str], trajectory: _Poses) -> None:
     _write(path, trajectory.stamps, trajectory.poses[:, :2], zero, zero, zero, np.sin(half), np.cos(half))
 
 
-def write_kitti(path: str | os.PathLike[str], trajectory: _Poses) -> None:
+def write_kitti(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
     """Write the poses of a trajectory, one line each; the stamps are not in it.
 
     The plane of motion is x, y; z is up and 0 (KITTI's own cameras look along z: no axis is turned here). Numbers have
@@ -123,7 +115,7 @@ def _write(path: str | os.PathLike[str], *columns: Floats) -> None:
         file.writelines(" ".join(map(repr, row)) + "\n" for row in np.column_stack(columns).tolist())
 
 
-def write_csv(path: str | os.PathLike[str], trajectory: _Poses, outcomes: Sequence[str]) -> None:
+def write_csv(path: str | os.PathLike[str], trajectory: Trajectory, outcomes: Sequence[str]) -> None:
     """Write a trajectory with covariances and outcomes as CSV, one line a pose, in its own order.
 
     Parameters
@@ -157,7 +149,7 @@ def write_csv(path: str | os.PathLike[str], trajectory: _Poses, outcomes: Sequen
 
 def write_poses(
     path: str | os.PathLike[str],
-    trajectory: _Poses,
+    trajectory: Trajectory,
     *,
     format: TrajectoryFormat | None = None,  # noqa: A002 - what it is
 ) -> None:
@@ -177,7 +169,7 @@ def write_poses(
         raise InvalidArgumentError(f"format must be one of {', '.join(get_args(TrajectoryFormat))}, got {kind!r}")
 
 
-_WRITERS: dict[str, Callable[[str | os.PathLike[str], _Poses], None]] = {"tum": write_tum, "kitti": write_kitti}
+_WRITERS = {"tum": write_tum, "kitti": write_kitti}
 
 
 def _parse_tum(row: list[float], where: str) -> tuple[float, float, float, float]:
@@ -204,22 +196,12 @@ def _parse_kitti(row: list[float], where: str) -> tuple[float, float, float, flo
     return math.nan, row[3], row[7], math.atan2(row[4], row[0])
 
 
-_TUM = _Layout(8, "a TUM line has 8 fields (stamp x y z qx qy qz qw)", "is stamp x y z qx qy qz qw", _parse_tum)
-_KITTI = _Layout(12, "a KITTI line has 12 numbers (3x4)", "is a matrix of 3x4 numbers", _parse_kitti)
+TUM = _Layout(8, "a TUM line has 8 fields (stamp x y z qx qy qz qw)", "is stamp x y z qx qy qz qw", _parse_tum)
+KITTI = _Layout(12, "a KITTI line has 12 numbers (3x4)", "is a matrix of 3x4 numbers", _parse_kitti)
 
 
-def tum_rows(path: str | os.PathLike[str]) -> PoseRows:
-    """Return the poses of a TUM file; see :func:`curvescan.read_tum`."""
-    return _rows(path, _TUM)
-
-
-def kitti_rows(path: str | os.PathLike[str]) -> PoseRows:
-    """Return the poses of a KITTI file, of a motion in the plane x, y; stamps are 0, 1, 2, ..."""
-    rows = _rows(path, _KITTI)
-    return rows._replace(stamps=np.arange(len(rows.stamps), dtype=np.float64))
-
-
-def _rows(path: str | os.PathLike[str], layout: _Layout) -> PoseRows:
+def rows_of(path: str | os.PathLike[str], layout: _Layout) -> PoseRows:
+    """Return the poses of a file of this layout; where it has no stamps they are 0, 1, 2, ..."""
     rows: list[tuple[float, float, float, float]] = []
     with _reading_text(path) as file:
         for number, line in enumerate(file, start=1):
@@ -233,6 +215,8 @@ def _rows(path: str | os.PathLike[str], layout: _Layout) -> PoseRows:
     if not rows:
         raise LogFormatError(f"{path} holds no pose: {layout.line.partition(' has')[0]} {layout.rule}")
     table = np.array(rows)
+    if layout is KITTI:
+        table[:, 0] = np.arange(len(table))
     return PoseRows(table[:, 0], table[:, 1:])
 
 
@@ -247,7 +231,7 @@ def csv_rows(path: str | os.PathLike[str]) -> tuple[PoseRows, tuple[str, ...]]:
             raise LogFormatError(f"{path} is not a trajectory: its first line must be {','.join(CSV_HEADER)!r}")
         for row in lines:
             where = f"{path}, line {lines.line_num}"
-            _check_length(row, len(CSV_HEADER), where)
+            _check_length(row, CSV_HEADER, where)
             has_cov = any(row[4:10])
             is_any_cov |= has_cov
             numbers.append(_numbers(row[:10] if has_cov else [*row[:4], *["nan"] * 6], where))
@@ -272,10 +256,16 @@ def _column_rows(path: Path) -> PoseRows:
                 continue
             if not names:
                 names = [name.strip().lower() for name in row]
-                columns = _columns(names, path)
+                stamp = next((name for name in ("stamp", "timestamp") if name in names), None)
+                if stamp is None or not {*_POSE_NAMES} <= {*names}:
+                    raise LogFormatError(
+                        f"{path}: poses in CSV need the columns stamp (or timestamp), x, y and theta, got "
+                        f"{', '.join(names)[:60]!r}"
+                    )
+                columns = [names.index(name) for name in (stamp, *_POSE_NAMES)]
                 continue
             where = f"{path}, line {lines.line_num}"
-            _check_length(row, len(names), where)
+            _check_length(row, names, where)
             rows.append(_numbers([row[k] for k in columns], where))
     if not rows:
         raise LogFormatError(f"{path} is empty: a trajectory must hold at least one pose")
@@ -283,18 +273,9 @@ def _column_rows(path: Path) -> PoseRows:
     return PoseRows(table[:, 0], np.column_stack([table[:, 1:3], se2.wrap(table[:, 3])]))
 
 
-def _columns(names: list[str], path: Path) -> list[int]:
-    stamp = next((name for name in _STAMP_NAMES if name in names), None)
-    if stamp is None or not {*_POSE_NAMES} <= {*names}:
-        raise LogFormatError(
-            f"{path}: poses in CSV need the columns stamp (or timestamp), x, y and theta, got {', '.join(names)[:60]!r}"
-        )
-    return [names.index(name) for name in (stamp, *_POSE_NAMES)]
-
-
-def _check_length(row: list[str], n: int, where: str) -> None:
-    if len(row) != n:
-        raise LogFormatError(f"{where}: a row has {n} fields, as the header has, got {len(row)}")
+def _check_length(row: list[str], header: Sequence[str], where: str) -> None:
+    if len(row) != len(header):
+        raise LogFormatError(f"{where}: a row has {len(header)} fields, as the header has, got {len(row)}")
 
 
 def read_rows(path: str | os.PathLike[str]) -> PoseRows:
@@ -307,34 +288,29 @@ def read_rows(path: str | os.PathLike[str]) -> PoseRows:
     first = first_line(read_head(file, _HEAD_BYTES))
     if is_our_csv(first):
         return csv_rows(file)[0]
-    if _n_numbers(first) == _KITTI.n_fields:
-        return kitti_rows(file)
-    return plain_rows(file, first)
-
-
-def plain_rows(path: Path, first: str) -> PoseRows:
-    """Return the poses of TUM text, or of CSV whose columns have names, by their first line."""
+    if _n_numbers(first) == KITTI.n_fields:
+        return rows_of(file, KITTI)
     if not first:
-        raise LogFormatError(f"{path} is empty: a trajectory must hold at least one pose")
+        raise LogFormatError(f"{file} is empty: a trajectory must hold at least one pose")
     is_tum = _n_numbers(first) > 3
     if not is_tum and "," not in first:
         raise LogFormatError(
-            f"{path} holds no poses that can be read: give TUM text, CSV with columns stamp, x, y, theta, "
+            f"{file} holds no poses that can be read: give TUM text, CSV with columns stamp, x, y, theta, "
             "or a log, whose poses are read_log(path).odometry"
         )
-    with path.open("rb") as file:
-        if file.read(2) == GZIP_MAGIC:
-            raise LogFormatError(f"{path} is compressed with gzip and not a log: unpack it first")
+    with file.open("rb") as raw:
+        if raw.read(2) == GZIP_MAGIC:
+            raise LogFormatError(f"{file} is compressed with gzip and not a log: unpack it first")
     if not is_tum:
-        return _column_rows(path)
+        return _column_rows(file)
     fields = first.split()
     length = math.hypot(*map(float, fields[4:8]))
     if len(fields) == 8 and abs(length - 1.0) > 0.01:  # relations have as many numbers
         raise LogFormatError(
-            f"{path}: the quaternion of a TUM line (stamp x y z qx qy qz qw) has length 1, that of the first line has "
+            f"{file}: the quaternion of a TUM line (stamp x y z qx qy qz qw) has length 1, that of the first line has "
             f"{length:.3g}: if the file holds relations, read it with read_relations"
         )
-    return tum_rows(path)
+    return rows_of(file, TUM)
 
 
 def results_file(path: str | os.PathLike[str]) -> Path:
@@ -372,13 +348,8 @@ def _numbers(fields: Iterable[str], where: str) -> list[float]:
 @contextmanager
 def writing_text(path: str | os.PathLike[str]) -> Iterator[TextIO]:
     """Yield a text file that replaces `path` in one step when the block ends; raise OutputError where it cannot."""
-    try:
-        with output_file(path) as new, new.open("w", encoding="utf-8", newline="") as file:
-            yield file
-    except CurvescanError:
-        raise
-    except (OSError, ValueError) as error:
-        raise OutputError(f"cannot write {path}: {error}") from error
+    with output_file(path) as new, new.open("w", encoding="utf-8", newline="") as file:
+        yield file
 
 
 @contextmanager

@@ -3,8 +3,6 @@
 R. Kümmerle et al., "On measuring the accuracy of SLAM algorithms", Autonomous Robots 27 (2009). One relation a line:
 ``t1 t2 x y z roll pitch yaw``, the pose of the robot at t2 seen from the robot at t1; seconds, metres, radians.
 
-Pose graphs as g2o's text, for a back end that closes loops: VERTEX_SE2, EDGE_SE2, FIX.
-
 g2o (Kuemmerle et al., "g2o: a general framework for graph optimization", 2011) takes the error of an edge in the frame
 of the measured pose: delta = measurement^-1 (x_i^-1 x_j). Our covariances are of x, y, theta in the frame of scan i, so
 each is turned by -theta before it is inverted to the information matrix.
@@ -92,7 +90,7 @@ def read_relations(path: str | os.PathLike[str]) -> Relations:
     read_errors = ReadErrorCounter()
     if not as_path(path, "a file of relations").exists():  # the reader of lines would speak of a log
         raise LogFileError(f"relations file {path} does not exist: check the path")
-    for number, line in read_lines(Path(path), read_errors):
+    for number, _, line in read_lines(Path(path), read_errors):
         fields = line.split()
         if fields and not fields[0].startswith(b"#"):
             rows.extend(_numbers(fields, f"{path}, line {number}"))

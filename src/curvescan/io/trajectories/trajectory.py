@@ -8,7 +8,7 @@ from typing import overload
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.trajectories.layouts import TrajectoryFormat, csv_rows, read_rows, tum_rows, write_poses
+from curvescan.io.trajectories.layouts import TUM, TrajectoryFormat, csv_rows, read_rows, rows_of, write_poses
 from curvescan.types import Cov, Floats, Pose
 
 
@@ -180,7 +180,7 @@ def read_tum(path: str | os.PathLike[str]) -> Trajectory:
         When a line does not hold 8 numbers, a quaternion is zero or tilts by more than 5 deg out of the plane, or there
         is no line.
     """
-    return Trajectory(**tum_rows(path)._asdict())
+    return Trajectory(**rows_of(path, TUM)._asdict())
 
 
 def read_csv(path: str | os.PathLike[str]) -> tuple[Trajectory, tuple[str, ...]]:

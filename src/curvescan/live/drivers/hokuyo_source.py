@@ -7,8 +7,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from curvescan.errors import InvalidArgumentError, MissingPackageError, SourceError
-from curvescan.live.drivers.transport import PIP_COMMAND, SILENCE, TurnClock, to_unix
+from curvescan.errors import InvalidArgumentError, SourceError
+from curvescan.live.drivers.transport import SILENCE, TurnClock, package_of, to_unix
 from curvescan.scan import LaserScan
 
 DEFAULT_PORT = 10940
@@ -22,23 +22,15 @@ class HokuyoSource:
     is_live = True
 
     def __init__(self, port: str, *, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)) -> None:
-        try:
-            import hokuyolx
-        except ImportError as error:
-            raise MissingPackageError(f"the driver hokuyo is the package hokuyolx: {PIP_COMMAND}") from error
-        self._package: Any = hokuyolx
+        self._package = package_of("hokuyolx", "the driver hokuyo is the package hokuyolx")
         host, _, number = port.partition(":")
         if not host or (number and not number.isdecimal()):
             raise InvalidArgumentError(f"a Hokuyo's port is HOST:PORT, got {port!r}")
         self._address = (host, int(number or DEFAULT_PORT))
+        self.name = f"Hokuyo at {host}:{self._address[1]}"
         self._is_mirrored, self._ignore_beams = is_mirrored, ignore_beams
         self._laser: Any = None
         self._is_closed = False
-
-    @property
-    def name(self) -> str:
-        """Address."""
-        return f"Hokuyo at {self._address[0]}:{self._address[1]}"
 
     def __enter__(self) -> Self:
         try:
@@ -61,8 +53,8 @@ class HokuyoSource:
         laser, clock = self._laser, TurnClock()
         if laser is None:
             raise SourceError(f"the {self.name} is not open: use it in a `with`")
-        sign = -1.0 if self._is_mirrored else 1.0
-        step = 2.0 * math.pi / laser.ares
+        first, last = self._ignore_beams
+        step = (-2.0 if self._is_mirrored else 2.0) * math.pi / laser.ares
         try:
             for distances, _, _ in laser.iter_dist():
                 # the beams of a sweep take their share of the turn, and the data comes when the sweep is done
@@ -71,12 +63,12 @@ class HokuyoSource:
                 time_increment = 1.0 / (laser.scan_freq * laser.ares)
                 ranges = 1e-3 * np.asarray(distances, dtype=np.float64)
                 ranges[np.asarray(distances) >= _NO_READING] = np.nan
-                ranges[: self._ignore_beams[0]] = np.nan
-                ranges[len(ranges) - self._ignore_beams[1] :] = np.nan
+                ranges[:first] = np.nan
+                ranges[len(ranges) - last :] = np.nan
                 yield LaserScan(
                     ranges,
-                    angle_min=sign * (laser.amin - laser.aforw) * step,
-                    angle_increment=sign * step,
+                    angle_min=(laser.amin - laser.aforw) * step,
+                    angle_increment=step,
                     range_min=1e-3 * laser.dmin,
                     range_max=1e-3 * laser.dmax,
                     stamp=to_unix(end) - time_increment * len(ranges),
@@ -98,17 +90,13 @@ class _Socket:
 
     def recv(self, size: int) -> bytes:
         """Return some bytes, none beyond the end of a reply."""
-        if not self._held:
+        is_new = not self._held
+        # the end of a reply may lie across two pieces
+        while not self._held or (is_new and self._held.endswith(b"\n") and not self._held.endswith(_END)):
             data: bytes = self._opened.recv(size)
             if not data:
                 raise ConnectionError("the connection was closed")
-            # the end of a reply may lie across two pieces
             self._held += data
-            while self._held.endswith(b"\n") and not self._held.endswith(b"\n\n"):
-                data = self._opened.recv(size)
-                if not data:
-                    raise ConnectionError("the connection was closed")
-                self._held += data
         end = self._held.find(_END)
         taken = bytes(self._held if end < 0 else self._held[: end + len(_END)])
         del self._held[: len(taken)]

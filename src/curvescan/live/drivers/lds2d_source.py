@@ -9,9 +9,9 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from curvescan.errors import InvalidArgumentError, MissingPackageError
+from curvescan.errors import InvalidArgumentError
 from curvescan.live.drivers.spinning import Measure, SpinningSource
-from curvescan.live.drivers.transport import PIP_COMMAND, Transport
+from curvescan.live.drivers.transport import Transport, package_of
 
 COUNTER_CLOCKWISE = frozenset({"HLS-LFCD2", "HLS_LFCD2", "LDS-01"})
 """Models whose angles count counter-clockwise, seen from above; lds2d gives those of all others clockwise."""
@@ -25,14 +25,11 @@ class Lds2dSource(SpinningSource):
     def __init__(
         self, model: str, port: str, *, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)
     ) -> None:
-        try:
-            from lds2d import drivers  # noqa: F401 - fills the table of models
-            from lds2d.core import available_models, driver_for
-        except ImportError as error:
-            raise MissingPackageError(f"the driver lds2d is a package: {PIP_COMMAND}") from error
-        self._driver_class: Any = driver_for(model)
+        package_of("lds2d.drivers", "the driver lds2d is a package")  # which fills the table of models
+        core = package_of("lds2d.core", "the driver lds2d is a package")
+        self._driver_class = core.driver_for(model)
         if self._driver_class is None:
-            near = difflib.get_close_matches(model.upper(), available_models(), n=1, cutoff=0.3)
+            near = difflib.get_close_matches(model.upper(), core.available_models(), n=1, cutoff=0.3)
             hint = f"; did you mean {near[0]}?" if near else ""
             raise InvalidArgumentError(f"lds2d knows no model {model!r}{hint}")
         self.model = model.upper()

@@ -4,9 +4,8 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from curvescan.errors import MissingPackageError
 from curvescan.live.drivers.spinning import Measure, SpinningSource
-from curvescan.live.drivers.transport import PIP_COMMAND, Transport
+from curvescan.live.drivers.transport import Transport, package_of
 
 BAUD = 115200
 _N_BUFFERED = 4096
@@ -20,11 +19,7 @@ class RplidarSource(SpinningSource):
     def __init__(
         self, port: str, *, baud: int = BAUD, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)
     ) -> None:
-        try:
-            import rplidar
-        except ImportError as error:
-            raise MissingPackageError(f"the driver rplidar is the package rplidar-roboticia: {PIP_COMMAND}") from error
-        self._package: Any = rplidar
+        self._package = package_of("rplidar", "the driver rplidar is the package rplidar-roboticia")
         self._laser: Any = None
         super().__init__("RPLIDAR", port, baud, is_clockwise=not is_mirrored, ignore_beams=ignore_beams)
 

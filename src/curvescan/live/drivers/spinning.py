@@ -1,6 +1,7 @@
 """SpinningSource: a laser on a serial line that spins; its readings are cut into turns and stamped as they come."""
 
 from collections.abc import Iterator
+from functools import partial
 from typing import NamedTuple, Self
 
 from curvescan.configs import shipped_table
@@ -17,13 +18,6 @@ class Measure(NamedTuple):
     rate_hz: float = 0.0  # turns a second; 0: not known
 
 
-def limits_of(model: str) -> tuple[float, float]:
-    """Return the limits of a valid reading of a model, metres."""
-    limits = shipped_table(__package__, "lasers.toml")
-    shortest, longest = next((limits[key] for key in limits if model.startswith(key)), limits["OTHERS"])
-    return shortest, longest
-
-
 class SpinningSource:
     """What the lasers that spin have in common; a :class:`curvescan.live.ScanSource`."""
 
@@ -33,8 +27,10 @@ class SpinningSource:
 
     def __init__(self, name: str, port: str, baud: int, *, is_clockwise: bool, ignore_beams: tuple[int, int]) -> None:
         self.name, self.port = f"{name} at {port}", port
-        self._baud, self._is_clockwise = baud, is_clockwise
-        self._limits, self._ignore_beams = limits_of(name), ignore_beams
+        self._baud = baud
+        table = shipped_table(__package__, "lasers.toml")  # limits of a valid reading, by the beginning of a name
+        limits = next((table[key] for key in table if name.startswith(key)), table["OTHERS"])
+        self._scan_of = partial(scan_of_turn, is_clockwise=is_clockwise, limits=limits, ignore_beams=ignore_beams)
         self._transport: Transport | None = None
 
     def start(self, transport: Transport) -> None:
@@ -65,9 +61,10 @@ class SpinningSource:
         """Yield a scan a turn, from the first whole one on."""
         try:
             yield from self._turns()
-        except (EndOfSource, SourceError) as end:
-            if isinstance(end, SourceError):
-                raise
+        except EndOfSource:
+            return
+        except SourceError:
+            raise
         except Exception as error:  # what the package does not expect of its bytes
             raise SourceError(f"the {self.name} sends what its driver cannot read: {error}") from error
 
@@ -84,14 +81,7 @@ class SpinningSource:
                 if transport.arrival is not None:
                     begin, end = to_unix(begin), to_unix(end)
                 if n_turns >= self.n_cut:
-                    scan = scan_of_turn(
-                        points,
-                        begin,
-                        end,
-                        is_clockwise=self._is_clockwise,
-                        limits=self._limits,
-                        ignore_beams=self._ignore_beams,
-                    )
+                    scan = self._scan_of(points, begin, end)
                     if scan is not None:
                         yield scan
                 points, n_turns = [], n_turns + 1

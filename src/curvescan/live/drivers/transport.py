@@ -5,6 +5,7 @@ fallen silent. This one says so: every fault of the line ends in a :class:`curve
 """
 
 import contextlib
+import importlib
 import math
 import os
 import statistics
@@ -23,6 +24,15 @@ PIP_COMMAND = "pip install 'curvescan[lidar]'"
 
 SILENCE = 2.0  # a port from which nothing comes for so long is silent, seconds
 NONSENSE = 5.0  # a port whose bytes make no turn for so long sends something else, seconds
+
+
+def package_of(module: str, sentence: str) -> Any:
+    """Return the package that a driver stands on, or raise MissingPackageError with a sentence that names it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingPackageError(f"{sentence}: {PIP_COMMAND}") from error
+
 
 _POLL = 0.1
 _URL_WAIT = 0.005
@@ -124,10 +134,7 @@ def _opened(port: str, baud: int) -> Any:
             return Path(port.removeprefix(RECORDING)).open("rb")
         except OSError as error:
             raise SourceError(f"cannot read the recording: {error}") from error
-    try:
-        import serial
-    except ImportError as error:
-        raise MissingPackageError(f"a laser's port needs pyserial: {PIP_COMMAND}") from error
+    serial = package_of("serial", "a laser's port needs pyserial")
     try:
         if "://" in port:
             return serial.serial_for_url(port, baudrate=baud, timeout=_URL_WAIT)
@@ -164,7 +171,9 @@ class TurnClock:
         if arrival is not None and self._last_arrival is not None and arrival > self._last_arrival:
             self._periods.append(arrival - self._last_arrival)
         self._last_arrival = arrival
-        period = self._period(rate_hz)
+        period = statistics.median(self._periods) if self._periods else 0.1
+        if rate_hz > 0.0 and math.isfinite(rate_hz):
+            period = 1.0 / rate_hz
         if self._end is None:
             end = 0.0 if arrival is None else arrival
             begin = end - period
@@ -190,11 +199,6 @@ class TurnClock:
             self._n_late = 0
             return arrival
         return expected
-
-    def _period(self, rate_hz: float) -> float:
-        if rate_hz > 0.0 and math.isfinite(rate_hz):
-            return 1.0 / rate_hz
-        return statistics.median(self._periods) if self._periods else 0.1
 
 
 def to_unix(monotonic: float) -> float:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from array import array
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ from curvescan.types import Cov, Floats, Ints, Pose
 
 _SENTENCES = {o.name.lower(): o.value for o in StepOutcome}
 _ACCEPTED = (ClosureOutcome.ACCEPTED.name.lower(), ClosureOutcome.AGREED.name.lower())
+_BEAMS = {"ranges": np.uint16, "layout": np.int32, "angles": np.float32, "n_angles": np.int32}  # of all scans
 _FOLLOWED = 0.5  # the optimum follows an edge of more weight
 _UNFOLLOWED = ("left_out", "It was accepted; the optimum leaves it out, as other edges contradict it.")
 _CARRIED = ("in_the_map", "It has no record: added by hand, of an earlier session, or of keyframes that have gone.")
@@ -55,24 +57,20 @@ def read_results(path: Path) -> FinishedRun:
     rows, outcomes = csv_rows(path / "trajectory.csv")
     seen = read_view_file(path)
     slam_map = load_map(path / "map.csmap") if (path / "map.csmap").is_file() else None
-    grid = _grid(path, slam_map)
+    grid = slam_map.occupancy() if slam_map is not None else None
+    if grid is None and (path / "map.yaml").is_file():
+        grid = read_map(path / "map.yaml")
     numbers = seen.get("keyframe_numbers", np.arange(0 if slam_map is None else len(slam_map))).astype(np.int64)
     scan_of = dict(seen["keyframe_scans"].astype(np.int64).tolist()) if "keyframe_scans" in seen else {}
     closures = _closures(path / "closures.csv")
-    kinds = sorted(set(outcomes))
+    kinds, given = sorted(set(outcomes)), record.get("input")
     tree = {
-        "name": str(_of(record, "input", "name") or path.name),
+        "name": str((given.get("name") if isinstance(given, Mapping) else None) or path.name),
         "mode": "SLAM" if slam_map is not None else "localization" if "first_fix" in record else "odometry",
         "verdict": record.get("verdict"),
-        "stamps": rows.stamps - (rows.stamps[0] if len(rows.stamps) else 0.0),
-        "poses": rows.poses.astype(np.float32),
-        "covariances": _four(rows.covariances, len(rows.poses)),
         "outcome": np.array([kinds.index(one) for one in outcomes], dtype=np.uint8),
         "outcomes": [[*status_of(one), _SENTENCES.get(one, one)] for one in kinds],
-        "odometry": _aligned(seen.get("odometry"), rows.poses),
-        "wheels": _aligned(seen.get("wheels"), rows.poses),
-        "map": None if grid is None else _picture(grid),
-        **_beams(seen),
+        **_track(rows.stamps - rows.stamps[:1], rows.poses, rows.covariances, grid, seen),
     }
     if slam_map is not None:
         tree |= describe_map(slam_map, closures, numbers, scan_of, rows.poses)
@@ -83,22 +81,33 @@ def _of_map(path: Path) -> FinishedRun:
     """Return a map file as a run whose scans are its keyframes."""
     slam_map = load_map(path)
     stamps, numbers = np.array([scan.stamp for scan in slam_map.scans]), np.arange(len(slam_map))
+    seen = beams_of(slam_map.scans)
     tree = {
         "name": path.name,
         "mode": "map",
         "verdict": None,
-        "stamps": stamps - stamps.min(initial=np.inf) if len(stamps) else stamps,
-        "poses": slam_map.poses.astype(np.float32),
-        "covariances": _four(slam_map.covariances, len(slam_map)),
         "outcome": np.zeros(len(slam_map), dtype=np.uint8),
         "outcomes": [[*status_of("matched"), "A keyframe of the map."]],
-        "odometry": None,
-        "wheels": None,
-        "map": _picture(slam_map.occupancy()),
-        **_beams(beams_of(slam_map.scans)),
+        **_track(stamps - stamps.min(initial=np.inf), slam_map.poses, slam_map.covariances, slam_map.occupancy(), seen),
         **describe_map(slam_map, [], numbers, {}, slam_map.poses),
     }
     return FinishedRun(tree=tree, slam_map=slam_map, numbers=numbers, scan_of={}, closures=())
+
+
+def _track(
+    stamps: Floats, poses: Pose, covariances: Cov | None, grid: OccupancyGrid | None, seen: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return what the page shows of the scans and under them."""
+    return {
+        "stamps": stamps,
+        "poses": poses.astype(np.float32),
+        "covariances": _four(covariances, len(poses)),
+        "odometry": _aligned(seen.get("odometry"), poses),
+        "wheels": _aligned(seen.get("wheels"), poses),
+        "map": _picture(grid),
+        "ranges": None,
+        **{name: seen[name].astype(kind) for name, kind in _BEAMS.items() if "ranges" in seen},
+    }
 
 
 def revised_tree(run: FinishedRun, mended: SlamMap) -> dict[str, Any]:
@@ -133,8 +142,7 @@ def describe_map(
     }
     kinds: dict[tuple[str, str], int] = {}
     rows: list[tuple[int, int]] = []
-    places: list[float] = []
-    figures: list[float] = []
+    places, figures = array("d"), array("d")
     kind: list[int] = []
 
     def place(number: int) -> tuple[float, float]:
@@ -178,29 +186,12 @@ def describe_map(
     }
 
 
-def _picture(grid: OccupancyGrid) -> dict[str, Any] | None:
+def _picture(grid: OccupancyGrid | None) -> dict[str, Any] | None:
     """Return the picture of an occupancy map, for the page; None where it has no cell."""
-    picture = picture_of(grid, 0)
+    picture = None if grid is None else picture_of(grid, 0)
     if picture is None:
         return None
     return {"png": picture.png, "origin": picture.origin, "resolution": picture.resolution, "shape": picture.shape}
-
-
-def _grid(folder: Path, slam_map: SlamMap | None) -> OccupancyGrid | None:
-    if slam_map is not None:
-        return slam_map.occupancy()
-    return read_map(folder / "map.yaml") if (folder / "map.yaml").is_file() else None
-
-
-def _beams(seen: Mapping[str, Any]) -> dict[str, Any]:
-    if "ranges" not in seen:
-        return {"ranges": None}
-    return {
-        "ranges": seen["ranges"].astype(np.uint16),
-        "layout": seen["layout"].astype(np.int32),
-        "angles": seen["angles"].astype(np.float32),
-        "n_angles": seen["n_angles"].astype(np.int32),
-    }
 
 
 def _aligned(poses: Floats | None, path: Pose) -> Floats | None:
@@ -219,8 +210,7 @@ def _four(covariances: Cov | None, n: int) -> Floats:
     """Return (n, 4) xx, xy, yy, tt of covariances; NaN without."""
     if covariances is None:
         return np.full((n, 4), np.nan, dtype=np.float32)
-    rows = np.stack([covariances[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1), (2, 2))], axis=1)
-    return np.asarray(rows, dtype=np.float32)
+    return covariances[:, [0, 0, 1, 2], [0, 1, 1, 2]].astype(np.float32)
 
 
 def _closures(path: Path) -> list[dict[str, str]]:
@@ -237,10 +227,3 @@ def _record(folder: Path) -> dict[str, Any]:
     except ValueError as error:
         raise LogFormatError(f"{path} is damaged: {error}") from error
     return record if isinstance(record, dict) else {}
-
-
-def _of(record: Mapping[str, Any], *names: str) -> Any:
-    value: Any = record
-    for name in names:
-        value = value.get(name) if isinstance(value, Mapping) else None
-    return value

@@ -5,10 +5,8 @@ what a replay of the same edits gives.
 """
 
 import json
-import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,8 @@ from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.live.finished.results_folder import FinishedRun, revised_tree
 from curvescan.live.finished.view import FinishedView, packed
-from curvescan.slam.editing.edits import Edit, ask_match, edit_of, edited, edits_text, plain_edit
+from curvescan.live.live_map import map_file
+from curvescan.slam.editing.edits import ask_match, edit_of, edited, edits_text, plain_edit
 from curvescan.slam.map import SlamMap
 
 _BYTES, _JSON = "application/octet-stream", "application/json"
@@ -51,19 +50,16 @@ class FinishedSite:
         assert slam_map is not None, "without a map there are no actions"
         if name == "match":
             return json.dumps(_answer(slam_map, int(arguments["i"]), int(arguments["j"]))).encode(), _JSON
-        edits = _edits(arguments["edits"])
+        values = arguments["edits"]
+        if not isinstance(values, list) or len(values) > _MAX_EDITS or not all(isinstance(v, dict) for v in values):
+            raise InvalidArgumentError(f"edits must be a list of at most {_MAX_EDITS} objects")
+        edits = [edit_of(value) for value in values]
         if name == "edits":
             return edits_text(edits).encode(), _JSON
         mended = edited(slam_map, edits)
         if name == "optimize":
             return packed(revised_tree(self._run, mended)), _BYTES
-        return _file_of(mended), _BYTES
-
-
-def _edits(values: Any) -> list[Edit]:
-    if not isinstance(values, list) or len(values) > _MAX_EDITS or not all(isinstance(v, dict) for v in values):
-        raise InvalidArgumentError(f"edits must be a list of at most {_MAX_EDITS} objects")
-    return [edit_of(value) for value in values]
+        return map_file(replace(mended, grid=mended.occupancy())), _BYTES
 
 
 def _answer(slam_map: SlamMap, i: int, j: int) -> dict[str, Any]:
@@ -82,11 +78,3 @@ def _answer(slam_map: SlamMap, i: int, j: int) -> dict[str, Any]:
         "pose": pose.tolist(),
         "points": np.rint(100.0 * scan.points[scan.valid]).ravel().tolist(),
     }
-
-
-def _file_of(slam_map: SlamMap) -> bytes:
-    """Return a map as the bytes of a map file."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "map.csmap"
-        replace(slam_map, grid=slam_map.occupancy()).save(path)
-        return path.read_bytes()

@@ -42,8 +42,8 @@ class ShrinkConfig:
         require(0.0 < self.last <= self.first, "limits must satisfy 0 < last <= first", (self.last, self.first))
         require(self.decay > 0.0, "decay must be > 0", self.decay)
 
-    def at(self, iteration: int) -> float:
-        """Return the limit of an iteration, from 0."""
+    def at(self, iteration: float) -> float:
+        """Return the limit of an iteration, from 0; inf: the last."""
         return max(self.first * math.exp(-self.decay * iteration), self.last)
 
     @property

@@ -26,16 +26,18 @@ def closest_points(
     points: Points, reference: ScanPoints, window: float, max_distance: float
 ) -> tuple[Points, Floats, Ints]:
     """Return IDC's closest surface points to (n, 2) points, NaN for none, squared distances, where stretches begin."""
-    return _closest_points(points, reference.points, reference.angles, reference.is_joined, window, max_distance)
+    return _surface_points(points, *_surfaces(reference), False, window, max_distance)
 
 
 def matching_range_points(
     points: Points, reference: ScanPoints, window: float, max_distance: float
 ) -> tuple[Points, Floats, Ints]:
     """Return the points of the reference's surfaces, nearest in bearing, at each point's range: IDC's other rule."""
-    return _matching_range_points(
-        points, reference.points, reference.ranges, reference.angles, reference.is_joined, window, max_distance
-    )
+    return _surface_points(points, *_surfaces(reference), True, window, max_distance)
+
+
+def _surfaces(reference: ScanPoints) -> tuple[Points, Floats, Floats, Bools]:
+    return reference.points, reference.ranges, reference.angles, reference.is_joined
 
 
 @kernel
@@ -112,57 +114,35 @@ def _nearest_readings(
 
 
 @kernel
-def _closest_points(
-    points: Points, ref_points: Points, ref_angles: Floats, is_joined: Bools, window: float, max_distance: float
-) -> tuple[Points, Floats, Ints]:
-    """As _nearest_readings, with the stretch from each reading to the next in place of the reading."""
-    n, m = points.shape[0], ref_angles.size
-    partners = np.full((n, 2), np.nan)
-    squared = np.full(n, np.inf)
-    ref_idx = np.full(n, -1, dtype=np.int64)
-    for i in range(n):
-        x, y = points[i, 0], points[i, 1]
-        rho = math.hypot(x, y)
-        start, bearing = _first_at_or_after(ref_angles, math.atan2(y, x))
-        best = max_distance * max_distance
-        reach = min(_reach(best, rho), window)
-        for way in (1, -1):
-            # the stretch that begins before the bearing may end after it: it belongs to the way down
-            for step in range(m):
-                k, following, angle = _stretch_on_the_way(ref_angles, start, step, way)
-                if way * (angle - bearing) > reach:
-                    break
-                px, py = ref_points[k, 0], ref_points[k, 1]
-                if is_joined[k]:
-                    along_x, along_y = ref_points[following, 0] - px, ref_points[following, 1] - py
-                    length2 = along_x * along_x + along_y * along_y
-                    share = 0.0
-                    if length2 > 0.0:
-                        share = ((x - px) * along_x + (y - py) * along_y) / length2
-                        share = min(max(share, 0.0), 1.0)
-                    px += share * along_x
-                    py += share * along_y
-                distance = (px - x) ** 2 + (py - y) ** 2
-                if distance < best or (distance == best and np.isinf(squared[i])):
-                    best = distance
-                    reach = min(_reach(best, rho), window)
-                    partners[i, 0], partners[i, 1] = px, py
-                    squared[i] = distance
-                    ref_idx[i] = k
-    return partners, squared, ref_idx
+def _share_along(x: float, y: float, begin: Points, end: Points, is_joined: bool) -> float:
+    """Return where, 0 to 1, a stretch comes nearest to a point; at its beginning if the surface does not go on."""
+    along_x, along_y = end[0] - begin[0], end[1] - begin[1]
+    length2 = along_x * along_x + along_y * along_y
+    if not is_joined or length2 <= 0.0:
+        return 0.0
+    return float(min(max(((x - begin[0]) * along_x + (y - begin[1]) * along_y) / length2, 0.0), 1.0))
 
 
 @kernel
-def _matching_range_points(
+def _share_at_range(here: float, there: float, is_joined: bool) -> float:
+    """Return where, 0 to 1, a stretch reaches a range, given by how far its ends lie beyond; -1 where it does not."""
+    if not is_joined or (here * there > 0.0 and min(abs(here), abs(there)) > _TOUCH):
+        return -1.0
+    return min(max(here / (here - there), 0.0), 1.0) if here != there else 0.0
+
+
+@kernel
+def _surface_points(
     points: Points,
     ref_points: Points,
     ref_ranges: Floats,
     ref_angles: Floats,
     is_joined: Bools,
+    by_range: bool,
     window: float,
     max_distance: float,
 ) -> tuple[Points, Floats, Ints]:
-    """Walk both ways from the bearing to the first stretch whose ranges enclose the point's own."""
+    """Walk both ways: to the nearest stretch, or by range to the first whose ranges enclose the point's own."""
     n, m = points.shape[0], ref_angles.size
     partners = np.full((n, 2), np.nan)
     squared = np.full(n, np.inf)
@@ -173,27 +153,29 @@ def _matching_range_points(
         start, bearing = _first_at_or_after(ref_angles, math.atan2(y, x))
         best = max_distance * max_distance
         # points at the same range lie a chord apart
-        reach = 2.0 * math.asin(min(0.5 * max_distance / rho, 1.0)) if rho > 0.0 else math.pi
-        reach = min(reach, window)
+        chord = 2.0 * math.asin(min(0.5 * max_distance / rho, 1.0)) if rho > 0.0 else math.pi
+        reach = min(chord if by_range else _reach(best, rho), window)
         for way in (1, -1):
+            # the stretch that begins before the bearing may end after it: it belongs to the way down
             for step in range(m):
                 k, following, angle = _stretch_on_the_way(ref_angles, start, step, way)
                 if way * (angle - bearing) > reach:
                     break
-                if not is_joined[k]:
-                    continue
-                here, there = ref_ranges[k] - rho, ref_ranges[following] - rho
-                if here * there > 0.0 and min(abs(here), abs(there)) > _TOUCH:
-                    continue
-                share = min(max(here / (here - there), 0.0), 1.0) if here != there else 0.0
+                if by_range:
+                    share = _share_at_range(ref_ranges[k] - rho, ref_ranges[following] - rho, is_joined[k])
+                else:
+                    share = _share_along(x, y, ref_points[k], ref_points[following], is_joined[k])
                 px = ref_points[k, 0] + share * (ref_points[following, 0] - ref_points[k, 0])
                 py = ref_points[k, 1] + share * (ref_points[following, 1] - ref_points[k, 1])
                 distance = (px - x) ** 2 + (py - y) ** 2
-                if distance <= best:
+                is_tie = distance == best and (by_range or np.isinf(squared[i]))
+                if share >= 0.0 and (distance < best or is_tie):
                     best = distance
                     partners[i, 0], partners[i, 1] = px, py
                     squared[i] = distance
                     ref_idx[i] = k
-                    if step > 0:
+                    if not by_range:
+                        reach = min(_reach(best, rho), window)
+                    elif step > 0:
                         break
     return partners, squared, ref_idx

@@ -11,18 +11,12 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers.baselines.config import CoxConfig
-from curvescan.matchers.baselines.iteration import (
-    LEAST_PAIRS,
-    iterate,
-    jacobian,
-    point_to_line_step,
-    propagated_covariance,
-)
+from curvescan.matchers.baselines.iteration import jacobian, point_to_line_step, propagated_covariance
 from curvescan.matchers.baselines.lines import Lines, extract_lines, nearest_lines
-from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
-from curvescan.matchers.baselines.points import ScanPoints, hidden_readings, join, median_filter
+from curvescan.matchers.baselines.outcome_checks import Iteration, failure, has_surfaces, match_by_iteration, start
+from curvescan.matchers.baselines.points import ScanPoints, hidden_readings, sweep_of
 from curvescan.matchers.result import MatchResult, Outcome
-from curvescan.scan import LaserScan, valid_readings
+from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Bools, Cov, Ints, Points, Pose
 
@@ -47,7 +41,7 @@ class CoxMatcher:
 
     def prepare(self, scan: LaserScan) -> CoxFeatures:
         """Return the readings and the lines of a scan."""
-        points = join(median_filter(valid_readings(scan), self.config.median_readings))
+        points = sweep_of(scan, self.config.median_readings)
         return CoxFeatures(points=points, lines=extract_lines(points, self.config.lines))
 
     def can_be_reference(self, features: CoxFeatures) -> bool:
@@ -56,31 +50,29 @@ class CoxMatcher:
 
     def match(self, reference: CoxFeatures, current: CoxFeatures, prior: UncertainPose | None) -> MatchResult:
         """Return the pose of `current` in `reference`, found from the pose of the prior on."""
-        lines, points = reference.lines, current.points
-        if not (has_surfaces(reference.points) and has_surfaces(points)):
-            return failure("cox", Outcome.NO_SEGMENTS, reference.points, points)
-        if len(lines) == 0:
+        lines, points, gate = reference.lines, current.points, self.config.gate
+        if len(lines) == 0 and has_surfaces(reference.points) and has_surfaces(points):
             return failure("cox", Outcome.NO_LINES, reference.points, points)
-        gate = self.config.gate
         takes_part = _takes_part(reference, points, start(prior), self.config)
 
-        def step(pose: Pose, iteration: int) -> Pose | None:
-            cur_idx, line_idx = _assign(lines, points, pose, gate.at(iteration), takes_part)
-            if cur_idx.size < LEAST_PAIRS:
-                return None
+        def pair(pose: Pose, iteration: float) -> tuple[Ints, Ints]:
+            return _assign(lines, points, pose, gate.at(iteration), takes_part)
+
+        def move(pose: Pose, line_idx: Ints, cur_idx: Ints) -> Pose | None:
             return point_to_line_step(points.points[cur_idx], lines.centres[line_idx], lines.normals[line_idx], pose)
 
-        descent = iterate(start(prior), step, self.config.convergence, gate.n_shrinking)
-        cur_idx, line_idx = _assign(lines, points, descent.pose, gate.last, takes_part)
-        return check_outcome(
-            "cox",
-            descent,
-            reference.points,
-            points,
-            (lines.readings(reference.points, np.unique(line_idx)), cur_idx),
-            self.config.min_share,
-            lambda: _covariance(lines, line_idx, points.points[cur_idx], descent.pose),
+        def covariance(pose: Pose, line_idx: Ints, cur_idx: Ints) -> Cov:
+            return _covariance(lines, line_idx, points.points[cur_idx], pose)
+
+        cox = Iteration(
+            method="cox",
+            pair=pair,
+            move=move,
+            covariance=covariance,
+            n_shrinking=gate.n_shrinking,
+            readings=lambda line_idx: lines.readings(reference.points, np.unique(line_idx)),
         )
+        return match_by_iteration(cox, reference.points, points, prior, self.config.convergence, self.config.min_share)
 
 
 def _takes_part(reference: CoxFeatures, current: ScanPoints, guess: Pose, config: CoxConfig) -> tuple[Bools, Bools]:
@@ -96,11 +88,11 @@ def _takes_part(reference: CoxFeatures, current: ScanPoints, guess: Pose, config
 def _assign(
     lines: Lines, current: ScanPoints, pose: Pose, gate: float, takes_part: tuple[Bools, Bools]
 ) -> tuple[Ints, Ints]:
-    """Return the readings that have a line within the gate, and that line."""
+    """Return the lines that readings lie on within the gate, and these readings."""
     line_idx, _ = nearest_lines(se2.transform(pose, current.points), lines, gate)
     reading_takes_part, line_takes_part = takes_part
     cur_idx = np.flatnonzero((line_idx >= 0) & reading_takes_part & line_takes_part[line_idx])
-    return cur_idx, line_idx[cur_idx]
+    return line_idx[cur_idx], cur_idx
 
 
 def _covariance(lines: Lines, line_idx: Ints, points_cur: Points, pose: Pose) -> Cov:

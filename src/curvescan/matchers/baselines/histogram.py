@@ -14,8 +14,9 @@ from curvescan import se2
 from curvescan.matchers.baselines.config import HistogramConfig
 from curvescan.matchers.baselines.iteration import is_constrained, jacobian
 from curvescan.matchers.baselines.lines import extract_lines
-from curvescan.matchers.baselines.outcome_checks import failure, has_surfaces, labels, start
+from curvescan.matchers.baselines.outcome_checks import failure, has_surfaces, start
 from curvescan.matchers.baselines.points import ScanPoints, sweep_of
+from curvescan.matchers.cfsma.trace import labels_of
 from curvescan.matchers.result import MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
@@ -123,43 +124,43 @@ class HistogramMatcher:
         self, reference: HistogramFeatures, current: HistogramFeatures, prior: UncertainPose | None
     ) -> MatchResult:
         """Return the pose of `current` in `reference`, looked for around the pose of the prior."""
+
+        def failed(outcome: Outcome, trace: HistogramTrace | None = None) -> MatchResult:
+            return failure("histogram", outcome, reference.points, current.points, trace)
+
         if not (has_surfaces(reference.points) and has_surfaces(current.points)):
-            return _failure(Outcome.NO_SEGMENTS, reference, current)
+            return failed(Outcome.NO_SEGMENTS)
         if reference.on_line.size == 0 or current.on_line.size == 0:
-            return _failure(Outcome.NO_LINES, reference, current)
-        expected = start(prior)
-        main = _main_direction(reference.angle_histogram)
-        rotation = self._rotation(reference, current, expected[2])
+            return failed(Outcome.NO_LINES)
+        expected, step = start(prior), 2.0 * math.pi / self.config.angle_bins
+        # the direction that most surfaces run in
+        main = int(np.argmax(reference.angle_histogram)) * 2.0 * math.pi / reference.angle_histogram.size
+        reach = self.config.max_rotation / step
+        rotation = best_lag(reference.angle_histogram, current.angle_histogram, expected[2] / step, reach)
         trace = HistogramTrace(main_direction=main, rotation=rotation)
         if rotation is None:
-            return _failure(Outcome.NO_AGREEMENT, reference, current, trace)
+            return failed(Outcome.NO_AGREEMENT, trace)
         theta = rotation.lag * 2.0 * math.pi / self.config.angle_bins
         x, y = self._translation(reference, current, main, theta, expected)
         trace = HistogramTrace(main_direction=main, rotation=rotation, x=x, y=y)
         least = self.config.min_agreement
         if x is None or y is None or min(x.agreement, y.agreement) < least:
-            return _failure(Outcome.NO_AGREEMENT, reference, current, trace)
+            return failed(Outcome.NO_AGREEMENT, trace)
         shift = _BIN_WIDTH * np.array([x.lag, y.lag])
         pose = np.append(se2.rotation(main) @ shift, se2.wrap(theta))
         points, angles = current.points.points[current.on_line], current.angles + theta
         rows = jacobian(points, np.stack([-np.sin(angles), np.cos(angles)], axis=1), pose)
         if not is_constrained(rows, points):
-            return _failure(Outcome.UNCONSTRAINED, reference, current, trace)
+            return failed(Outcome.UNCONSTRAINED, trace)
         return MatchResult(
             method="histogram",
             outcome=Outcome.MATCHED,
             pose=pose,
-            covariance=self._covariance(trace, points, angles, theta),
+            covariance=_covariance((x, y, rotation), (_BIN_WIDTH, _BIN_WIDTH, step), theta, main, points, angles),
             n_matched=current.on_line.size,
             trace=trace,
-            labels_reference=labels(reference.points, reference.on_line),
-            labels_current=labels(current.points, current.on_line),
-        )
-
-    def _rotation(self, reference: HistogramFeatures, current: HistogramFeatures, expected: float) -> Peak | None:
-        step = 2.0 * math.pi / self.config.angle_bins
-        return best_lag(
-            reference.angle_histogram, current.angle_histogram, expected / step, self.config.max_rotation / step
+            labels_reference=labels_of(reference.points.n_beams, reference.points.beam_idx, reference.on_line),
+            labels_current=labels_of(current.points.n_beams, current.points.beam_idx, current.on_line),
         )
 
     def _translation(
@@ -174,61 +175,41 @@ class HistogramMatcher:
         # a ring long enough that nothing meets itself around it
         length = 2.0 * (np.abs(ref).max() + np.abs(cur).max()) + _MAX_TRANSLATION
         n_bins = 1 << math.ceil(math.log2(length / _BIN_WIDTH + 2.0))
-        x, y = (
-            best_lag(
-                self._shadow(ref[:, axis], ref_facing[:, axis], n_bins),
-                self._shadow(cur[:, axis], cur_facing[:, axis], n_bins),
-                centre[axis],
-                _MAX_TRANSLATION / _BIN_WIDTH,
-            )
-            for axis in (0, 1)
-        )
-        return x, y
+        smoothing, reach = self.config.smoothing / _BIN_WIDTH, _MAX_TRANSLATION / _BIN_WIDTH
 
-    def _shadow(self, coordinates: Floats, weights: Floats, n_bins: int) -> Floats:
-        width = _BIN_WIDTH
-        return ring_histogram(coordinates / width, weights, n_bins, self.config.smoothing / width)
+        def peak(axis: int) -> Peak | None:
+            first = ring_histogram(ref[:, axis] / _BIN_WIDTH, ref_facing[:, axis], n_bins, smoothing)
+            second = ring_histogram(cur[:, axis] / _BIN_WIDTH, cur_facing[:, axis], n_bins, smoothing)
+            return best_lag(first, second, centre[axis], reach)
 
-    def _covariance(self, trace: HistogramTrace, points: Points, angles: Floats, theta: float) -> Cov:
-        """Return the covariance from the widths of the peaks, width^2 / n; the authors give none.
-
-        A scan turned by too much moves its x histogram by that angle times the mean y of the readings that face x.
-        """
-        assert trace.rotation
-        assert trace.x
-        assert trace.y
-        facing = _facing(angles - trace.main_direction)
-        turned = points @ se2.rotation(trace.main_direction - theta)
-        variance = np.array(
-            [
-                _variance(trace.x, _BIN_WIDTH, facing[:, 0].sum()),
-                _variance(trace.y, _BIN_WIDTH, facing[:, 1].sum()),
-                _variance(trace.rotation, 2.0 * math.pi / self.config.angle_bins, len(points)),
-            ]
-        )
-        carried = np.eye(3)
-        carried[0, 2] = np.average(turned[:, 1], weights=facing[:, 0])
-        carried[1, 2] = -np.average(turned[:, 0], weights=facing[:, 1])
-        carried[:2] = se2.rotation(trace.main_direction) @ carried[:2]
-        covariance: Cov = carried @ np.diag(variance) @ carried.T
-        return 0.5 * (covariance + covariance.T)
+        return peak(0), peak(1)
 
 
-def _main_direction(angle_histogram: Floats) -> float:
-    """Return the direction most surfaces run in, radians."""
-    return int(np.argmax(angle_histogram)) * 2.0 * math.pi / angle_histogram.size
+def _covariance(
+    peaks: tuple[Peak, Peak, Peak],
+    widths: tuple[float, float, float],
+    theta: float,
+    main: float,
+    points: Points,
+    angles: Floats,
+) -> Cov:
+    """Return the covariance from the widths of the peaks of x, y and theta, width^2 / n; the authors give none.
+
+    A scan turned by too much moves its x histogram by that angle times the mean y of the readings that face x.
+    """
+    facing = _facing(angles - main)
+    turned = points @ se2.rotation(main - theta)
+    sizes = (facing[:, 0].sum(), facing[:, 1].sum(), len(points))
+    rows = zip(peaks, widths, sizes, strict=True)
+    variance = [(peak.width * bin_width) ** 2 / max(n, 1.0) for peak, bin_width, n in rows]
+    carried = np.eye(3)
+    carried[0, 2] = np.average(turned[:, 1], weights=facing[:, 0])
+    carried[1, 2] = -np.average(turned[:, 0], weights=facing[:, 1])
+    carried[:2] = se2.rotation(main) @ carried[:2]
+    covariance: Cov = carried @ np.diag(variance) @ carried.T
+    return 0.5 * (covariance + covariance.T)
 
 
 def _facing(angles: Floats) -> Floats:
     """Return (n, 2) shares by which surfaces that run in these directions face x and y."""
     return np.stack([np.sin(angles) ** 2, np.cos(angles) ** 2], axis=1)
-
-
-def _variance(peak: Peak, bin_width: float, n: float) -> float:
-    return (peak.width * bin_width) ** 2 / max(n, 1.0)
-
-
-def _failure(
-    outcome: Outcome, reference: HistogramFeatures, current: HistogramFeatures, trace: HistogramTrace | None = None
-) -> MatchResult:
-    return failure("histogram", outcome, reference.points, current.points, trace)

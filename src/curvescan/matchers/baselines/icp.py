@@ -16,12 +16,12 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import MissingPackageError
 from curvescan.matchers.baselines.config import IcpConfig
-from curvescan.matchers.baselines.iteration import LEAST_PAIRS, iterate, keep_best
-from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
+from curvescan.matchers.baselines.iteration import keep_best
+from curvescan.matchers.baselines.outcome_checks import Iteration, has_surfaces, match_by_iteration
 from curvescan.matchers.baselines.points import ScanPoints, sweep_of
 from curvescan.matchers.cfsma.alignment import align
 from curvescan.matchers.cfsma.covariance import pose_covariance
-from curvescan.matchers.result import MatchResult, Outcome
+from curvescan.matchers.result import MatchResult
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov, Ints, Points, Pose
@@ -55,41 +55,25 @@ class IcpMatcher:
 
     def match(self, reference: IcpFeatures, current: IcpFeatures, prior: UncertainPose | None) -> MatchResult:
         """Return the pose of `current` in `reference`, found from the pose of the prior on."""
-        ref, cur = reference.points, current.points
-        if not (has_surfaces(ref) and has_surfaces(cur)):
-            return failure("icp", Outcome.NO_SEGMENTS, ref, cur)
-        gate = self.config.gate
+        ref, cur, config = reference.points, current.points, self.config
 
-        def step(pose: Pose, iteration: int) -> Pose | None:
-            cur_idx, ref_idx = self._pair(reference, cur, pose, gate.at(iteration))
-            if cur_idx.size < LEAST_PAIRS:
-                return None
+        def pair(pose: Pose, iteration: float) -> tuple[Ints, Ints]:
+            points = se2.transform(pose, cur.points)
+            distances, ref_idx = reference.tree.query(points, distance_upper_bound=config.gate.at(iteration))
+            cur_idx = np.flatnonzero(keep_best(distances * distances, config.kept_share))
+            return ref_idx[cur_idx], cur_idx
+
+        def move(pose: Pose, ref_idx: Ints, cur_idx: Ints) -> Pose:
             return align(ref.points[ref_idx], cur.points[cur_idx]).pose
 
-        descent = iterate(start(prior), step, self.config.convergence, gate.n_shrinking)
-        cur_idx, ref_idx = self._pair(reference, cur, descent.pose, gate.last)
-        return check_outcome(
-            "icp",
-            descent,
-            ref,
-            cur,
-            (ref_idx, cur_idx),
-            self.config.min_share,
-            lambda: _covariance(ref.points[ref_idx], cur.points[cur_idx], descent.pose),
-        )
+        def covariance(pose: Pose, ref_idx: Ints, cur_idx: Ints) -> Cov:
+            # eqs. 16-17, which take pairs for points seen twice: along a surface far too small (docs/baselines.md)
+            apart = se2.transform(pose, cur.points[cur_idx]) - ref.points[ref_idx]
+            return pose_covariance(cur.points[cur_idx], pose, float(np.vdot(apart, apart)))
 
-    def _pair(self, reference: IcpFeatures, current: ScanPoints, pose: Pose, gate: float) -> tuple[Ints, Ints]:
-        """Return the current readings that keep a partner, and the reading nearest to each."""
-        points = se2.transform(pose, current.points)
-        distances, ref_idx = reference.tree.query(points, distance_upper_bound=gate)
-        cur_idx = np.flatnonzero(keep_best(distances * distances, self.config.kept_share))
-        return cur_idx, ref_idx[cur_idx]
-
-
-def _covariance(points_ref: Points, points_cur: Points, pose: Pose) -> Cov:
-    """Return eqs. 16-17, which take pairs for points seen twice: along a surface far too small (docs/baselines.md)."""
-    apart = se2.transform(pose, points_cur) - points_ref
-    return pose_covariance(points_cur, pose, float(np.vdot(apart, apart)))
+        n_shrinking = config.gate.n_shrinking
+        icp = Iteration(method="icp", pair=pair, move=move, covariance=covariance, n_shrinking=n_shrinking)
+        return match_by_iteration(icp, ref, cur, prior, config.convergence, config.min_share)
 
 
 def _plant_tree(points: Points) -> cKDTree:

@@ -7,25 +7,26 @@ rotations. Both are looked for within a rotation window that shrinks.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.matchers.baselines.config import IdcConfig
 from curvescan.matchers.baselines.correspondences import closest_points, matching_range_points
-from curvescan.matchers.baselines.iteration import LEAST_PAIRS, iterate, keep_best
-from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
-from curvescan.matchers.baselines.points import ScanPoints, hidden_readings, join, median_filter
+from curvescan.matchers.baselines.iteration import LEAST_PAIRS, keep_best
+from curvescan.matchers.baselines.outcome_checks import Iteration, has_surfaces, match_by_iteration, start
+from curvescan.matchers.baselines.points import ScanPoints, hidden_readings, sweep_of
 from curvescan.matchers.cfsma.alignment import align
 from curvescan.matchers.cfsma.covariance import pose_covariance
-from curvescan.matchers.result import MatchResult, Outcome
-from curvescan.scan import LaserScan, valid_readings
+from curvescan.matchers.result import MatchResult
+from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.types import Bools, Floats, Ints, Points, Pose
+from curvescan.types import Cov, Floats, Ints, Points, Pose
 
 Rule = Callable[[Points, ScanPoints, float, float], tuple[Points, Floats, Ints]]
 """A correspondence rule: points, reference, window and gate in; partners, squared distances, readings out."""
+
+_Aligned = tuple[Points, Points]  # partners, and the readings that they belong to
 
 
 class IdcMatcher:
@@ -36,7 +37,7 @@ class IdcMatcher:
 
     def prepare(self, scan: LaserScan) -> ScanPoints:
         """Return the median-filtered readings of a scan."""
-        return join(median_filter(valid_readings(scan), self.config.median_readings))
+        return sweep_of(scan, self.config.median_readings)
 
     def can_be_reference(self, features: ScanPoints) -> bool:
         """Return whether the scan has a surface at all."""
@@ -44,52 +45,30 @@ class IdcMatcher:
 
     def match(self, reference: ScanPoints, current: ScanPoints, prior: UncertainPose | None) -> MatchResult:
         """Return the pose of `current` in `reference`, found from the pose of the prior on."""
-        if not (has_surfaces(reference) and has_surfaces(current)):
-            return failure("idc", Outcome.NO_SEGMENTS, reference, current)
-        config, guess = self.config, start(prior)
-        is_hidden, is_ref_hidden = hidden_readings(reference, current, guess)
+        config = self.config
+        is_hidden, is_ref_hidden = hidden_readings(reference, current, start(prior))
 
-        def pair(points: Points, rule: Rule, window: float, gate: float) -> _RulePairs:
-            partners, squared, ref_idx = rule(points, reference, window, gate)
+        def kept(rule: Rule, points: Points, iteration: float) -> tuple[Ints, Ints, Points, Floats]:
+            partners, squared, ref_idx = rule(points, reference, config.window.at(iteration), config.gate.at(iteration))
             squared[is_hidden | is_ref_hidden[ref_idx]] = np.inf
-            return _RulePairs(partners, ref_idx, squared, keep_best(squared, config.kept_share))
+            cur_idx = np.flatnonzero(keep_best(squared, config.kept_share))
+            return ref_idx[cur_idx], cur_idx, partners[cur_idx], squared[cur_idx]
 
-        def step(pose: Pose, iteration: int) -> Pose | None:
+        def pair(pose: Pose, iteration: float) -> tuple[Ints, Ints, Floats, _Aligned, _Aligned]:
             points = se2.transform(pose, current.points)
-            window, gate = config.window.at(iteration), config.gate.at(iteration)
-            closest = pair(points, closest_points, window, gate)
-            by_range = pair(points, matching_range_points, window, gate)
-            if min(closest.n_kept, by_range.n_kept) < LEAST_PAIRS:
+            ref_idx, cur_idx, closest, squared = kept(closest_points, points, iteration)
+            _, by_range_idx, by_range, _ = kept(matching_range_points, points, iteration)
+            return ref_idx, cur_idx, squared, (closest, points[cur_idx]), (by_range, points[by_range_idx])
+
+        def move(pose: Pose, _: Ints, __: Ints, squared: Floats, closest: _Aligned, by_range: _Aligned) -> Pose | None:
+            if len(by_range[0]) < LEAST_PAIRS:
                 return None
-            x, y, _ = align(closest.partners[closest.kept], points[closest.kept]).pose
-            _, _, theta = align(by_range.partners[by_range.kept], points[by_range.kept]).pose
-            return se2.compose(np.array([x, y, theta]), pose)
+            x, y, _theta = align(*closest).pose
+            return se2.compose(np.array([x, y, align(*by_range).pose[2]]), pose)
+
+        def covariance(pose: Pose, _: Ints, cur_idx: Ints, squared: Floats, *others: _Aligned) -> Cov:
+            return pose_covariance(current.points[cur_idx], pose, float(squared.sum()))
 
         n_shrinking = max(config.window.n_shrinking, config.gate.n_shrinking)
-        descent = iterate(guess, step, config.convergence, n_shrinking)
-        points = se2.transform(descent.pose, current.points)
-        last = pair(points, closest_points, config.window.last, config.gate.last)
-        cur_idx = np.flatnonzero(last.kept)
-        error = float(last.squared[cur_idx].sum())
-        return check_outcome(
-            "idc",
-            descent,
-            reference,
-            current,
-            (last.ref_idx[cur_idx], cur_idx),
-            config.min_share,
-            lambda: pose_covariance(current.points[cur_idx], descent.pose, error),
-        )
-
-
-class _RulePairs(NamedTuple):
-    """What one rule finds for each current reading, and which of it to keep."""
-
-    partners: Points
-    ref_idx: Ints
-    squared: Floats
-    kept: Bools
-
-    @property
-    def n_kept(self) -> int:
-        return int(np.count_nonzero(self.kept))
+        idc = Iteration(method="idc", pair=pair, move=move, covariance=covariance, n_shrinking=n_shrinking)
+        return match_by_iteration(idc, reference, current, prior, config.convergence, config.min_share)

@@ -1,15 +1,20 @@
 """From where an iterated method stopped to a MatchResult: the checks that all of them pass, in one place."""
 
+import math
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from curvescan import se2
-from curvescan.matchers.baselines.iteration import LEAST_PAIRS, IterationTrace, is_constrained, jacobian
+from curvescan.matchers.baselines.config import ConvergenceConfig
+from curvescan.matchers.baselines.iteration import LEAST_PAIRS, is_constrained, iterate, jacobian
 from curvescan.matchers.baselines.points import ScanPoints
-from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
+from curvescan.matchers.cfsma.trace import labels_of
+from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.types import Codes, Cov, Ints, Pose
+from curvescan.types import Cov, Ints, Pose
 
 
 def start(prior: UncertainPose | None) -> Pose:
@@ -22,32 +27,54 @@ def has_surfaces(points: ScanPoints) -> bool:
     return points.order.size >= LEAST_PAIRS
 
 
-def check_outcome(
-    method: str,
-    descent: IterationTrace,
+@dataclass(frozen=True, kw_only=True)
+class Iteration:
+    """What an iterated method repeats: pair and move. Pairs are (ref_idx, cur_idx, ...), which the others are given."""
+
+    method: str
+    pair: Callable[
+        [Pose, float], tuple[Any, ...]
+    ]  # the pairs at a pose, in iteration 0, 1, ...; inf: at the limits' last
+    move: Callable[..., Pose | None]  # the next pose, from a pose and its pairs; None where they do not suffice
+    covariance: Callable[..., Cov]  # of a pose, from its pairs
+    n_shrinking: int  # iterations until all limits have reached their last values; 0: it may stop before
+    readings: Callable[[Ints], Ints] = np.asarray  # the reference's readings that ref_idx stand for
+
+
+def match_by_iteration(
+    one: Iteration,
     reference: ScanPoints,
     current: ScanPoints,
-    matched: tuple[Ints, Ints],
+    prior: UncertainPose | None,
+    convergence: ConvergenceConfig,
     min_share: float,
-    covariance: Callable[[], Cov],
 ) -> MatchResult:
     """Return the result of an iterated method: its pose when it converged and something holds it, or why not."""
-    ref_idx, cur_idx = matched
+    if not (has_surfaces(reference) and has_surfaces(current)):
+        return failure(one.method, Outcome.NO_SEGMENTS, reference, current)
+
+    def step(pose: Pose, iteration: int) -> Pose | None:
+        pairs = one.pair(pose, iteration)
+        return one.move(pose, *pairs) if pairs[1].size >= LEAST_PAIRS else None
+
+    descent = iterate(start(prior), step, convergence, one.n_shrinking)
+    pairs = one.pair(descent.pose, math.inf if one.n_shrinking else descent.n_iterations)
+    ref_idx, cur_idx, *_ = pairs
     if descent.is_lost or cur_idx.size < max(LEAST_PAIRS, min_share * len(current)):
-        return failure(method, Outcome.TOO_FEW_PAIRS, reference, current, descent)
+        return failure(one.method, Outcome.TOO_FEW_PAIRS, reference, current, descent)
     if not _holds(descent.pose, current, cur_idx):
-        return failure(method, Outcome.UNCONSTRAINED, reference, current, descent)
+        return failure(one.method, Outcome.UNCONSTRAINED, reference, current, descent)
     if not descent.has_converged:
-        return failure(method, Outcome.NOT_CONVERGED, reference, current, descent)
+        return failure(one.method, Outcome.NOT_CONVERGED, reference, current, descent)
     return MatchResult(
-        method=method,
+        method=one.method,
         outcome=Outcome.MATCHED,
         pose=descent.pose,
-        covariance=covariance(),
+        covariance=one.covariance(descent.pose, *pairs),
         n_matched=cur_idx.size,
         trace=descent,
-        labels_reference=labels(reference, ref_idx),
-        labels_current=labels(current, cur_idx),
+        labels_reference=labels_of(reference.n_beams, reference.beam_idx, one.readings(ref_idx)),
+        labels_current=labels_of(current.n_beams, current.beam_idx, cur_idx),
     )
 
 
@@ -70,14 +97,6 @@ def failure(
         covariance=NO_COVARIANCE,
         n_matched=0,
         trace=trace,
-        labels_reference=labels(reference, nothing),
-        labels_current=labels(current, nothing),
+        labels_reference=labels_of(reference.n_beams, reference.beam_idx, nothing),
+        labels_current=labels_of(current.n_beams, current.beam_idx, nothing),
     )
-
-
-def labels(points: ScanPoints, matched: Ints) -> Codes:
-    """Return a Label for each beam of a scan."""
-    codes = np.full(points.n_beams, Label.NO_READING, dtype=np.uint8)
-    codes[points.beam_idx] = Label.UNMATCHED
-    codes[points.beam_idx[matched]] = Label.MATCHED
-    return codes

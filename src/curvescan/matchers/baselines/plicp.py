@@ -10,17 +10,15 @@ from curvescan import se2
 from curvescan.matchers.baselines.config import PlIcpConfig
 from curvescan.matchers.baselines.correspondences import nearest_readings
 from curvescan.matchers.baselines.iteration import (
-    LEAST_PAIRS,
-    iterate,
     jacobian,
     keep_best,
     point_to_line_step,
     propagated_covariance,
     within_quantile,
 )
-from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
+from curvescan.matchers.baselines.outcome_checks import Iteration, has_surfaces, match_by_iteration
 from curvescan.matchers.baselines.points import ScanPoints, sweep_of
-from curvescan.matchers.result import MatchResult, Outcome
+from curvescan.matchers.result import MatchResult
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov, Ints, Pose
@@ -52,50 +50,31 @@ class PlIcpMatcher:
 
     def match(self, reference: ScanPoints, current: ScanPoints, prior: UncertainPose | None) -> MatchResult:
         """Return the pose of `current` in `reference`, found from the pose of the prior on."""
-        if not (has_surfaces(reference) and has_surfaces(current)):
-            return failure("plicp", Outcome.NO_SEGMENTS, reference, current)
-        gate = self.config.gate
+        config = self.config
 
-        def step(pose: Pose, iteration: int) -> Pose | None:
-            ref_idx, cur_idx = self._pair(reference, current, pose, gate.at(iteration))
-            if cur_idx.size < LEAST_PAIRS:
-                return None
+        def pair(pose: Pose, iteration: float) -> tuple[Ints, Ints]:
+            points = se2.transform(pose, current.points)
+            ref_idx, squared = nearest_readings(points, reference, config.gate.at(iteration))
+            squared[np.isnan(reference.tangents[ref_idx, 0])] = np.inf
+            kept = keep_best(squared, config.kept_share)
+            kept = within_quantile(squared, kept, _ADAPTIVE_ORDER, _ADAPTIVE_FACTOR)
+            return ref_idx[kept], np.flatnonzero(kept)
+
+        def move(pose: Pose, ref_idx: Ints, cur_idx: Ints) -> Pose | None:
             anchors, normals = reference.points[ref_idx], reference.normals[ref_idx]
             return point_to_line_step(current.points[cur_idx], anchors, normals, pose)
 
-        descent = iterate(start(prior), step, self.config.convergence)
-        pairs = self._pair(reference, current, descent.pose, gate.at(descent.n_iterations))
-        return check_outcome(
-            "plicp",
-            descent,
-            reference,
-            current,
-            pairs,
-            self.config.min_share,
-            lambda: self._covariance(reference, current, descent.pose, pairs),
-        )
+        def covariance(pose: Pose, ref_idx: Ints, cur_idx: Ints) -> Cov:
+            # Censi's closed form: range noise of both scans, each along its own beam
+            points, anchors, normals = current.points[cur_idx], reference.points[ref_idx], reference.normals[ref_idx]
+            beams_cur = points @ se2.rotation(pose[2]).T / current.ranges[cur_idx, np.newaxis]
+            beams_ref = anchors / reference.ranges[ref_idx, np.newaxis]
+            errors = np.sum(normals * (se2.transform(pose, points) - anchors), axis=1)
+            sources = (
+                (np.arange(cur_idx.size), np.sum(normals * beams_cur, axis=1)),
+                (ref_idx, np.sum(normals * beams_ref, axis=1)),
+            )
+            return propagated_covariance(jacobian(points, normals, pose), errors, sources, config.range_sigma)
 
-    def _pair(self, reference: ScanPoints, current: ScanPoints, pose: Pose, gate: float) -> tuple[Ints, Ints]:
-        """Return the readings of the reference and of the current scan that belong together."""
-        config = self.config
-        points = se2.transform(pose, current.points)
-        ref_idx, squared = nearest_readings(points, reference, gate)
-        squared[np.isnan(reference.tangents[ref_idx, 0])] = np.inf
-        kept = keep_best(squared, config.kept_share)
-        kept = within_quantile(squared, kept, _ADAPTIVE_ORDER, _ADAPTIVE_FACTOR)
-        return ref_idx[kept], np.flatnonzero(kept)
-
-    def _covariance(self, reference: ScanPoints, current: ScanPoints, pose: Pose, pairs: tuple[Ints, Ints]) -> Cov:
-        """Return Censi's closed form: range noise of both scans, each along its own beam."""
-        ref_idx, cur_idx = pairs
-        points, anchors = current.points[cur_idx], reference.points[ref_idx]
-        normals = reference.normals[ref_idx]
-        beams_cur = points @ se2.rotation(pose[2]).T / current.ranges[cur_idx, np.newaxis]
-        beams_ref = anchors / reference.ranges[ref_idx, np.newaxis]
-        errors = np.sum(normals * (se2.transform(pose, points) - anchors), axis=1)
-        sources = (
-            (np.arange(cur_idx.size), np.sum(normals * beams_cur, axis=1)),
-            (ref_idx, np.sum(normals * beams_ref, axis=1)),
-        )
-        rows = jacobian(points, normals, pose)
-        return propagated_covariance(rows, errors, sources, self.config.range_sigma)
+        plicp = Iteration(method="plicp", pair=pair, move=move, covariance=covariance, n_shrinking=0)
+        return match_by_iteration(plicp, reference, current, prior, config.convergence, config.min_share)

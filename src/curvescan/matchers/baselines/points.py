@@ -1,7 +1,7 @@
 """What the iterated methods know of one scan: readings, surfaces, normals; and IDC's filters (Lu and Milios 1997)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,15 +24,7 @@ def median_filter(readings: Readings, n_readings: int) -> Readings:
     padded = np.pad(readings.ranges, half, mode="wrap" if readings.is_closed else "edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, n_readings)
     ranges = np.ascontiguousarray(np.sort(windows, axis=1)[:, half])
-    return Readings(
-        beam_idx=readings.beam_idx,
-        ranges=ranges,
-        angles=readings.angles,
-        points=readings.points * (ranges / readings.ranges)[:, np.newaxis],
-        angle_step=readings.angle_step,
-        n_beams=readings.n_beams,
-        is_closed=readings.is_closed,
-    )
+    return replace(readings, ranges=ranges, points=readings.points * (ranges / readings.ranges)[:, np.newaxis])
 
 
 def is_visible(points: Points, is_joined: Bools, angle_step: float) -> Bools:
@@ -108,13 +100,12 @@ class ScanPoints:
         return np.stack([-self.tangents[:, 1], self.tangents[:, 0]], axis=1)
 
 
-def sweep_of(scan: LaserScan) -> ScanPoints:
-    """Return the valid readings of a scan with their surfaces and tangents."""
-    return join(valid_readings(scan))
+def sweep_of(scan: LaserScan, median_readings: int = 1) -> ScanPoints:
+    """Return the valid readings of a scan, median-filtered, with their tangents and surfaces.
 
-
-def join(readings: Readings) -> ScanPoints:
-    """Return readings with their tangents and surfaces, as Borges and Aldon's breakpoint detector (2004) ends them."""
+    Surfaces end as Borges and Aldon's breakpoint detector (2004) ends them.
+    """
+    readings = median_filter(valid_readings(scan), median_readings)
     segments = segment(readings, _SURFACES)
     is_joined = np.zeros(len(readings), dtype=np.bool_)
     tangents = np.full((len(readings), 2), np.nan)

@@ -1,18 +1,16 @@
 """The matcher "cfsma": the paper's three stages in its order."""
 
-import numpy as np
-
 from curvescan.matchers.cfsma.alignment import align, consistent_pairs
 from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.cfsma.features import CfSmaFeatures, extract_features
 from curvescan.matchers.cfsma.functions import pair_longest
 from curvescan.matchers.cfsma.landmarks import Verdict, matched_readings, pair_landmarks
-from curvescan.matchers.cfsma.trace import CfSmaTrace
-from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
+from curvescan.matchers.cfsma.trace import CfSmaTrace, labels_of
+from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.types import Codes, Cov, Ints, Pose
+from curvescan.types import Cov, Pose
 
 
 class CfSmaMatcher:
@@ -82,8 +80,8 @@ def _result(outcome: Outcome, trace: CfSmaTrace, pose: Pose = NO_POSE, covarianc
         covariance=covariance,
         n_matched=n_matched,
         trace=trace,
-        labels_reference=_labels(trace.reference, ref_idx[:n_matched]),
-        labels_current=_labels(trace.current, cur_idx[:n_matched]),
+        labels_reference=labels_of(trace.reference.n_beams, trace.reference.beam_idx, ref_idx[:n_matched]),
+        labels_current=labels_of(trace.current.n_beams, trace.current.beam_idx, cur_idx[:n_matched]),
     )
 
 
@@ -101,10 +99,3 @@ def _outcome(trace: CfSmaTrace) -> Outcome:
     if furthest < Verdict.PAIRED:
         return Outcome.AMBIGUOUS_LANDMARKS
     return Outcome.MATCHED
-
-
-def _labels(features: CfSmaFeatures, matched: Ints) -> Codes:
-    labels = np.full(features.n_beams, Label.NO_READING, dtype=np.uint8)
-    labels[features.beam_idx] = Label.UNMATCHED
-    labels[features.beam_idx[matched]] = Label.MATCHED
-    return labels

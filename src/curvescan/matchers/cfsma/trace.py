@@ -11,6 +11,7 @@ import numpy as np
 
 from curvescan.matchers.cfsma.features import CfSmaFeatures
 from curvescan.matchers.cfsma.landmarks import LandmarkPairs, Verdict
+from curvescan.matchers.result import Label
 from curvescan.types import Codes, Floats, Ints
 
 
@@ -64,6 +65,14 @@ _GATES = {
 _GATE_OF_VERDICT = np.array(
     [Gate.STRAIGHT, Gate.WEAK, Gate.AMBIGUOUS, Gate.ONE_SIDED, Gate.INCONSISTENT, Gate.MATCHED], dtype=np.uint8
 )
+
+
+def labels_of(n_beams: int, beam_idx: Ints, matched: Ints) -> Codes:
+    """Return (n_beams,) a Label for each beam of a scan, of whose readings these are matched. beam_idx (m,)."""
+    labels = np.full(n_beams, Label.NO_READING, dtype=np.uint8)
+    labels[beam_idx] = Label.UNMATCHED
+    labels[beam_idx[matched]] = Label.MATCHED
+    return labels
 
 
 def count_gates(gates: Codes) -> dict[str, int]:

@@ -1,27 +1,27 @@
 """run_batch: one job over many logs, on all cores or a Ray cluster; what ``curvescan batch`` calls."""
 
 import os
-from collections.abc import Iterable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Iterable
+from contextlib import closing
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Literal, Protocol, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError
 from curvescan.runs.batch.jobs import Job, OdometryJob, digest_of
 from curvescan.runs.batch.logs import LogState, find_logs
-from curvescan.runs.batch.places import Results, open_results
+from curvescan.runs.batch.places import open_results
+from curvescan.runs.batch.ray_cluster import RayPool
 from curvescan.runs.batch.results import BatchRecord
 from curvescan.runs.batch.worker import Task
-from curvescan.runs.batch.workers import Done, ProcessPool, WorkerPool, run_tasks
+from curvescan.runs.batch.workers import Done, ProcessPool, run_tasks
 
 Engine: TypeAlias = Literal["local", "ray"]  # where the workers of a batch run
 TIMEOUT_S = 3600.0  # time that a log may take unless the caller says otherwise, seconds
 
 
-class BatchDisplay(Protocol):
-    """The progress display of a batch."""
+class BatchDisplay:
+    """What shows how far a batch has come; this one shows nothing."""
 
     def begin(self, stage: str, n_logs: int) -> None:
         """Begin a stage over so many logs; 0: its length is not known."""
@@ -116,85 +116,47 @@ def run_batch(
         raise InvalidArgumentError(f"timeout must be a positive number of seconds, got {timeout}")
     if engine not in ("local", "ray"):
         raise InvalidArgumentError(f"engine must be 'local' or 'ray', got {engine!r}")
-    job, shown = job or OdometryJob(), display or _Silent()
+    job, shown = job or OdometryJob(), display or BatchDisplay()
     options = digest_of(job)
     logs = find_logs([patterns] if isinstance(patterns, str | os.PathLike) else patterns)
+    by_input = {log.input: log for log in logs}
     with open_results(out) as results:
-        folders = results.name_folders([log.input for log in logs])
-        standing = {log.input for log in logs if resume and _stands(results, log, options)}
+        folders = results.name_folders([*by_input])
+        standing = {
+            log.input
+            for log in logs
+            if resume
+            and (known := results.records.get(log.input)) is not None
+            and known.stands_for(log, options, __version__)
+            and results.holds(known)
+        }
         tasks = [
             Task(log=log.input, folder=results.place(folders[log.input])) for log in logs if log.input not in standing
         ]
         if tasks:
-            with _pool(engine, workers, results.workers_log) as pool:
+            with closing(RayPool(workers) if engine == "ray" else ProcessPool(workers, results.workers_log)) as pool:
                 shown.begin("loading kernels (compiled in the first run only)", 0)
                 pool.warm_up(job)
                 shown.begin("batch", len(tasks))
-                states = {log.input: log for log in logs}
-                _run_all(job, options, tasks, states, results, pool, timeout, shown)
+                work = run_tasks(job, results, pool=pool, timeout=timeout, log=results.workers_log)
+                with results.giving_out(tasks, options, shown.add), closing(work):
+                    for done in work:
+                        record = _record(done, by_input[done.task.log], options)
+                        if results.append(record):
+                            shown.add(record)
         records = tuple(results.records[log.input] for log in logs)
         results.finish(records)
     return BatchResult(records=records, n_skipped=len(standing))
 
 
-def _run_all(
-    job: Job,
-    options: str,
-    tasks: list[Task],
-    states: dict[str, LogState],
-    results: Results,
-    pool: WorkerPool,
-    timeout: float,
-    shown: BatchDisplay,
-) -> None:
-    with results.queue(tasks, options, shown.add) as queue:
-        work = run_tasks(job, queue, pool=pool, timeout=timeout, log=results.workers_log)
-        with closing(work):
-            for done in work:
-                record = _record(done, states[done.task.log], options)
-                if results.append(record):
-                    shown.add(record)
-
-
-@contextmanager
-def _pool(engine: Engine, workers: int | None, log: Path) -> Iterator[WorkerPool]:
-    pool: WorkerPool
-    if engine == "ray":
-        from curvescan.runs.batch.ray_cluster import RayPool
-
-        pool = RayPool(workers)
-    else:
-        pool = ProcessPool(workers, log)
-    with closing(pool):
-        yield pool
-
-
-def _stands(results: Results, log: LogState, options: str) -> bool:
-    record = results.records.get(log.input)
-    return record is not None and record.stands_for(log, options, __version__) and results.holds(record)
-
-
 def _record(done: Done, state: LogState, options: str) -> BatchRecord:
     result = done.result
-    is_failed = isinstance(result, str)
-    is_trusted = not isinstance(result, str) and result.is_trusted
+    if isinstance(result, str):
+        found: dict[str, Any] = {"exit": 1, "verdict": "failed", "sentence": result}
+    else:
+        found = {"exit": 0, "verdict": "trusted"} if result.is_trusted else {"exit": 3, "verdict": "not trusted"}
+        found |= {"sentence": result.sentence, "scans": result.n_scans, "metres": round(result.length, 3)}
+    seconds = round(done.seconds, 3)
     return BatchRecord(
-        **asdict(state),
-        options=options,
-        version=__version__,
-        folder=done.task.name,
-        exit=1 if is_failed else 0 if is_trusted else 3,
-        verdict="failed" if is_failed else "trusted" if is_trusted else "not trusted",
-        sentence=result if isinstance(result, str) else result.sentence,
-        seconds=round(done.seconds, 3),
-        scans=0 if isinstance(result, str) else result.n_scans,
-        metres=0.0 if isinstance(result, str) else round(result.length, 3),
+        **asdict(state), options=options, version=__version__, folder=done.task.name, seconds=seconds, **found
     )
-
-
-class _Silent:
-    """Shows nothing."""
-
-    def begin(self, stage: str, n_logs: int) -> None: ...
-
-    def add(self, record: BatchRecord) -> None: ...

@@ -21,9 +21,7 @@ from curvescan.odometry.config import OdometryConfig
 from curvescan.slam.config import SlamConfig
 
 if TYPE_CHECKING:
-    from curvescan.diagnostics.verdict import Verdict
     from curvescan.io.log import Log
-    from curvescan.io.trajectories.trajectory import Trajectory
     from curvescan.runs.run import EngineName
 
 
@@ -109,6 +107,7 @@ class _LogJob:
 
     def __call__(self, log: Path, folder: Path) -> JobResult:
         """Run the engine over a log and write all results."""
+        from curvescan.evaluation.trajectory_errors import travelled
         from curvescan.runs.run import run
 
         result = run(
@@ -126,7 +125,12 @@ class _LogJob:
             keeps_steps=False,
             n_processes=1,  # the workers have the cores
         )
-        return _result(result.verdict, result.trajectory)
+        return JobResult(
+            is_trusted=result.verdict.is_trusted,
+            sentence=result.verdict.sentence,
+            n_scans=len(result.trajectory),
+            length=float(travelled(result.trajectory.poses)[-1]),
+        )
 
     def warm_up(self) -> None:
         """Compile the kernels of matcher, odometry, SLAM and maps."""
@@ -151,13 +155,3 @@ class SlamJob(_LogJob):
     engine = "slam"
     config: SlamConfig | Mapping[str, Any] | None = None
     """Configuration of SLAM; a mapping of the fields that differ; None for the defaults."""
-
-
-def _result(verdict: Verdict, trajectory: Trajectory) -> JobResult:
-    import numpy as np
-
-    steps = np.diff(trajectory.poses[:, :2], axis=0)
-    length = float(np.sum(np.hypot(steps[:, 0], steps[:, 1])))
-    return JobResult(
-        is_trusted=verdict.is_trusted, sentence=verdict.sentence, n_scans=len(trajectory.stamps), length=length
-    )

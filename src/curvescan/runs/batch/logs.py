@@ -6,6 +6,7 @@ import hashlib
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -77,21 +78,16 @@ def _find_paths(pattern: str) -> list[Path]:
     if Path(text).exists():
         found = [Path(text)]
     else:
-        matches = map(Path, glob.glob(text, recursive=True))  # noqa: PTH207 - of absolute patterns too
-        found = [path for path in matches if not path.is_dir() or _is_bag(path)]
+        found = []
+        for path in map(Path, glob.glob(text, recursive=True)):  # noqa: PTH207 - of absolute patterns too
+            with suppress(LogFileError, LogFormatError):  # a folder without a bag
+                if not path.is_dir() or storage_files(path):
+                    found.append(path)
     return [Path(os.path.abspath(path)) for path in found]  # noqa: PTH100 - keeps links
 
 
-def _is_bag(folder: Path) -> bool:
-    try:
-        return bool(storage_files(folder))
-    except (LogFileError, LogFormatError):
-        return False
-
-
 def _find_objects(bucket: Bucket, pattern: str) -> list[LogState]:
-    one = bucket.find(pattern)
-    if one is not None:
+    if (one := bucket.find(pattern)) is not None:
         return [LogState.of_objects(f"{bucket.address}/{one.key}", [one])]
     segments = pattern.split("/")
     fixed = next((k for k, part in enumerate(segments) if glob.has_magic(part)), len(segments))
@@ -102,8 +98,7 @@ def _find_objects(bucket: Bucket, pattern: str) -> list[LogState]:
     states = []
     for name in names:
         if _matches(name.split("/"), segments):
-            parts = [o for key, o in objects.items() if key.rpartition("/")[0] == name]
-            parts = parts if name in bags else [objects[name]]
+            parts = [o for key, o in objects.items() if (key.rpartition("/")[0] if name in bags else key) == name]
             states.append(LogState.of_objects(f"{bucket.address}/{name}", parts))
     return states
 

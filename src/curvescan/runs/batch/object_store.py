@@ -1,9 +1,8 @@
 """Buckets (S3, Google Cloud Storage, Azure Blob Storage) by obstore, of the extra ``cloud``, and claims on logs.
 
-Credentials, region and endpoint are those of the environment, as the stores' own tools name them. A claim is an object
-that only one batch can create (a conditional put), and whose owner writes it anew every few seconds. One that does not
-change for `LEASE_S` belongs to a batch that has died, and may be replaced, again on condition. Clocks of different
-machines are never compared.
+A claim is an object that only one batch can create (a conditional put), and whose owner writes it anew every few
+seconds. One that does not change for `LEASE_S` belongs to a batch that has died, and may be replaced, again on
+condition. Clocks of different machines are never compared.
 """
 
 import json
@@ -68,10 +67,9 @@ class Bucket:
         self.address = address
         self._obstore = obstore
         self._versions: dict[tuple[str, str], str] = {}
-        is_plain = any(os.environ.get(name, "").startswith("http://") for name in _ENDPOINTS)
         options: Any = {"timeout": timedelta(seconds=_REQUEST_S)}
-        if is_plain:  # somebody's own server, named by its user
-            options["allow_http"] = True
+        if any(os.environ.get(name, "").startswith("http://") for name in _ENDPOINTS):
+            options["allow_http"] = True  # somebody's own server, named by its user
         with self._one_sentence("open", ""):
             self._store = from_url(address, client_options=options, retry_config=_RETRIES)
 
@@ -89,22 +87,16 @@ class Bucket:
 
     def find(self, key: str) -> StoredObject | None:
         """Return an object, or None where there is none of that name."""
-        if not key:
-            return None
-        try:
-            with self._one_sentence("read", key):
-                return _stored(self._obstore.head(self._store, key))
-        except FileNotFoundError:
-            return None
+        with suppress(FileNotFoundError), self._one_sentence("read", key):
+            return _stored(self._obstore.head(self._store, key)) if key else None
+        return None
 
     def read(self, key: str) -> tuple[bytes, str] | None:
         """Return the content of a small object and its tag, or None where there is none."""
-        try:
-            with self._one_sentence("read", key):
-                found = self._obstore.get(self._store, key)
-                return bytes(found.bytes()), self._note(key, found.meta)
-        except FileNotFoundError:
-            return None
+        with suppress(FileNotFoundError), self._one_sentence("read", key):
+            found = self._obstore.get(self._store, key)
+            return bytes(found.bytes()), self._note(key, found.meta)
+        return None
 
     def write(self, key: str, content: bytes) -> str:
         """Write a small object, in place of an older one, and return its tag."""
@@ -113,11 +105,9 @@ class Bucket:
 
     def create(self, key: str, content: bytes) -> str | None:
         """Write an object that must not yet exist, and return its tag; None where it does."""
-        try:
-            with self._one_sentence("write", key):
-                return self._note(key, self._obstore.put(self._store, key, content, mode="create"))
-        except FileExistsError:
-            return None
+        with suppress(FileExistsError), self._one_sentence("write", key):
+            return self._note(key, self._obstore.put(self._store, key, content, mode="create"))
+        return None
 
     def replace(self, key: str, content: bytes, tag: str) -> str | None:
         """Write an object in place of the one of that tag, and return its new tag; None where that is gone."""
@@ -126,19 +116,14 @@ class Bucket:
         # Google's store asks for the version, the others for the tag
         version = self._versions.pop((key, tag), None)
         mode: Any = {"e_tag": tag} | ({"version": version} if version else {})
-        try:
-            with self._one_sentence("write", key):
-                return self._note(key, self._obstore.put(self._store, key, content, mode=mode))
-        except (FileNotFoundError, PreconditionError):
-            return None
+        with suppress(FileNotFoundError, PreconditionError), self._one_sentence("write", key):
+            return self._note(key, self._obstore.put(self._store, key, content, mode=mode))
+        return None
 
     def delete(self, key: str) -> None:
         """Delete an object; one that is not there is no error."""
-        try:
-            with self._one_sentence("delete", key):
-                self._obstore.delete(self._store, key)
-        except FileNotFoundError:
-            return
+        with suppress(FileNotFoundError), self._one_sentence("delete", key):
+            self._obstore.delete(self._store, key)
 
     def download(self, found: StoredObject, path: Path) -> None:
         """Write an object's content into a file: the content that was listed, or an error."""
@@ -217,7 +202,7 @@ class Claims:
     def take(self, name: str) -> bool:
         """Claim a log, and return whether it is this batch's now. Raises OutputError."""
         with self._lock:
-            key = self._key(name)
+            key = f"{self._prefix}/{name}.json"
             tag = self._bucket.create(key, self._content())
             if tag is None:
                 tag = self._replace_dead(key, name)
@@ -234,7 +219,7 @@ class Claims:
         """Give up a claim."""
         with self._lock:
             if self._held.pop(name, None) is not None:
-                self._bucket.delete(self._key(name))
+                self._bucket.delete(f"{self._prefix}/{name}.json")
 
     def close(self) -> None:
         """Give up all claims."""
@@ -242,9 +227,6 @@ class Claims:
         for name in list(self._held):
             with suppress(StorageError):  # the lease runs out as well
                 self.release(name)
-
-    def _key(self, name: str) -> str:
-        return f"{self._prefix}/{name}.json"
 
     def _content(self) -> bytes:
         self._n_written += 1  # each write has a tag of its own, which shows that the owner lives
@@ -256,7 +238,10 @@ class Claims:
         if found is None:
             return None  # released meanwhile: tried again later
         content, tag = found
-        claim = _parse(content)
+        claim: Any = None
+        with suppress(ValueError):
+            claim = json.loads(content)
+        claim = claim if isinstance(claim, dict) else {}
         seen, since = self._seen.get(name, ("", 0.0))
         if seen != tag:
             since = time.monotonic()
@@ -274,7 +259,7 @@ class Claims:
         tag = self._held.get(name)
         if tag is None:
             return False
-        new = self._bucket.replace(self._key(name), self._content(), tag)
+        new = self._bucket.replace(f"{self._prefix}/{name}.json", self._content(), tag)
         if new is None:  # this process stood still for longer than the lease
             del self._held[name]
             return False
@@ -289,14 +274,6 @@ class Claims:
                     self._renew(name)
 
 
-def _parse(content: bytes) -> dict[str, str]:
-    try:
-        claim = json.loads(content)
-    except ValueError:
-        return {}
-    return claim if isinstance(claim, dict) else {}
-
-
 def _is_dead(owner: object) -> bool:
     """Return whether a claim's owner is a process of this machine that has ended: nobody waits for its lease."""
     host, _, rest = str(owner).partition(":")
@@ -305,8 +282,8 @@ def _is_dead(owner: object) -> bool:
         return False
     try:
         os.kill(int(pid), 0)
-    except (ProcessLookupError, OverflowError):
+    except OSError as error:
+        return isinstance(error, ProcessLookupError)
+    except OverflowError:
         return True
-    except OSError:
-        return False
     return False

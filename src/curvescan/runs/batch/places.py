@@ -14,9 +14,11 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
-from typing import TypeAlias
+from typing import BinaryIO, TypeAlias
 
 from curvescan._interrupts import cleaned_up_by
+from curvescan._processes import lock
+from curvescan.errors import OutputError
 from curvescan.io.files.output import HIDDEN_PREFIX, output_file
 from curvescan.runs.batch.logs import name_folders, unique_name
 from curvescan.runs.batch.object_store import Bucket, Claims, is_url, split_url
@@ -25,10 +27,9 @@ from curvescan.runs.batch.results import (
     MANIFEST,
     WORKERS_LOG,
     BatchRecord,
-    Manifest,
     fleet_table,
-    open_manifest,
     parse_record,
+    read_manifest,
     record_line,
 )
 from curvescan.runs.batch.worker import Task
@@ -38,21 +39,43 @@ from curvescan.runs.batch.worker import Task
 def open_results(out: str | os.PathLike[str]) -> "Iterator[Results]":
     """Yield the results in a folder, which nobody else writes meanwhile, or in a bucket, which others may."""
     if is_url(out):
-        with open_bucket_results(os.fspath(out)) as results:
-            yield results
-    else:
-        root = Path(out).absolute()
-        with open_manifest(root) as manifest, cleaned_up_by(lambda: _remove_leftovers(root)):
-            yield FolderResults(root, manifest)
+        address, prefix = split_url(os.fspath(out))
+        with (
+            tempfile.TemporaryDirectory(prefix="curvescan-log-") as scratch,
+            cleaned_up_by(lambda: shutil.rmtree(scratch, ignore_errors=True)),
+        ):
+            yield BucketResults(Bucket(address), prefix, Path(scratch) / WORKERS_LOG)
+        return
+    root = Path(out).absolute()
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        file = (root / MANIFEST).open("ab", buffering=0)
+    except OSError as error:
+        raise OutputError(f"cannot write results to {str(root)!r}: {error.strerror}; choose another folder") from error
+    with file:
+        try:
+            lock(file)  # while the process lives: a second batch in the folder is refused
+        except OSError as error:
+            raise OutputError(
+                f"another batch writes to {str(root)!r}: wait for it, or choose another folder"
+            ) from error
+        with cleaned_up_by(lambda: _remove_leftovers(root)):
+            yield FolderResults(root, file)
 
 
 class FolderResults:
-    """The results in a folder of this machine; workers_log: file to which goes what the workers print."""
+    """The results in a folder of this machine, and the logs that are left to run.
 
-    def __init__(self, root: Path, manifest: Manifest) -> None:
+    workers_log: file to which goes what the workers print; records: what is known of each log, by its path.
+    """
+
+    def __init__(self, root: Path, manifest: BinaryIO) -> None:
         self.workers_log = root / WORKERS_LOG
         self._root, self._manifest = root, manifest
-        self.records = manifest.records
+        self.records = read_manifest(root / MANIFEST)
+        text = (root / MANIFEST).read_bytes()
+        self._before = b"\n" if text and not text.endswith(b"\n") else b""  # the last line may have been cut short
+        self._waiting: deque[Task] = deque()
         _remove_leftovers(root)
 
     def place(self, folder: str) -> str:
@@ -69,17 +92,35 @@ class FolderResults:
         return (self._root / record.folder).is_dir()
 
     @contextmanager
-    def queue(
+    def giving_out(
         self, tasks: Sequence[Task], options: str, on_record: Callable[[BatchRecord], None]
-    ) -> "Iterator[TaskQueue]":
-        """Give out logs in their order."""
-        yield ListedTasks(tasks)
+    ) -> Iterator[None]:
+        """Give out tasks, in their order."""
+        self._waiting.extend(tasks)
+        yield
+
+    def take(self) -> Task | None:
+        """Return the next task, or None after the last."""
+        return self._waiting.popleft() if self._waiting else None
+
+    def n_left(self) -> int:
+        """Return how many tasks wait."""
+        return len(self._waiting)
 
     def append(self, record: BatchRecord) -> bool:
         """Write a record, and wait until the results, and then it, are on the disk."""
         if not record.is_failed:
             _sync(self._root / record.folder)
-        self._manifest.append(record)
+        path = self._root / MANIFEST
+        try:
+            self._manifest.write(self._before + record_line(record))
+            os.fsync(self._manifest.fileno())
+        except OSError as error:
+            raise OutputError(
+                f"cannot write {path}: {error.strerror}; the results that are listed in it stand"
+            ) from error
+        self._before = b""
+        self.records[record.input] = record
         return True
 
     def finish(self, records: Sequence[BatchRecord]) -> None:
@@ -87,21 +128,6 @@ class FolderResults:
         with output_file(self._root / FLEET) as temporary:
             temporary.write_bytes(fleet_table(records))
         _remove_leftovers(self._root)
-
-
-class ListedTasks:
-    """Tasks that nobody else takes."""
-
-    def __init__(self, tasks: Sequence[Task]) -> None:
-        self._waiting = deque(tasks)
-
-    def take(self) -> Task | None:
-        """Return the next one, or None after the last."""
-        return self._waiting.popleft() if self._waiting else None
-
-    def n_left(self) -> int:
-        """Return how many wait."""
-        return len(self._waiting)
 
 
 def _sync(folder: Path) -> None:
@@ -132,19 +158,14 @@ _READERS = 32
 _POLL_S = 1.0  # between two looks at what other batches have done, seconds
 
 
-@contextmanager
-def open_bucket_results(url: str) -> "Iterator[BucketResults]":
-    """Yield the results in a folder of a bucket; see :func:`open_results`."""
-    address, prefix = split_url(url)
-    with (
-        tempfile.TemporaryDirectory(prefix="curvescan-log-") as scratch,
-        cleaned_up_by(lambda: shutil.rmtree(scratch, ignore_errors=True)),
-    ):
-        yield BucketResults(Bucket(address), prefix, Path(scratch) / WORKERS_LOG)
-
-
 class BucketResults:
-    """The results in a folder of a bucket; records: what is known of each log, by its path or URL."""
+    """The results in a folder of a bucket, and the logs that are left to run, which other batches may take as well.
+
+    workers_log: file to which goes what the workers print; records: what is known of each log, by its path or URL.
+    """
+
+    _claims: Claims
+    _on_record: Callable[[BatchRecord], None]
 
     def __init__(self, bucket: Bucket, prefix: str, workers_log: Path) -> None:
         self.workers_log = workers_log
@@ -152,8 +173,12 @@ class BucketResults:
         self._folders = bucket.list_folders(self._prefix)
         self.records: dict[str, BatchRecord] = {}
         self._tags: dict[str, str] = {}
-        self._queue: SharedTasks | None = None
-        self.read_new()
+        # tasks by the names of their folders: not asked for yet, of other batches, given out
+        self._fresh: dict[str, Task] = {}
+        self._elsewhere: dict[str, Task] = {}
+        self._ours: dict[str, Task] = {}
+        self._looked = time.monotonic()
+        self._read_new()
 
     def place(self, folder: str) -> str:
         """Return the URL of a folder of results."""
@@ -168,30 +193,48 @@ class BucketResults:
         return record.folder in self._folders
 
     @contextmanager
-    def queue(
+    def giving_out(
         self, tasks: Sequence[Task], options: str, on_record: Callable[[BatchRecord], None]
-    ) -> "Iterator[TaskQueue]":
-        """Give out the logs that no other batch has."""
+    ) -> Iterator[None]:
+        """Give out the tasks that no other batch has, and tell of those that another one has done."""
         with closing(Claims(self._bucket, f"{self._prefix}claims", options)) as claims, cleaned_up_by(claims.close):
-            self._queue = SharedTasks(self, claims, tasks, on_record)
-            yield self._queue
-            self._queue = None
+            self._claims, self._on_record = claims, on_record
+            self._fresh = {task.name: task for task in tasks}
+            yield
+
+    def n_left(self) -> int:
+        """Return how many tasks are neither done nor taken by this batch."""
+        return len(self._fresh) + len(self._elsewhere)
+
+    def take(self) -> Task | None:
+        """Return a task that is this batch's now; None where others have all that are left."""
+        while self._fresh:
+            task = self._fresh.pop(next(iter(self._fresh)))
+            if self._claim(task):
+                return task
+        if self._elsewhere and time.monotonic() - self._looked > _POLL_S:
+            self._looked = time.monotonic()
+            for record in self._read_new():
+                if self._elsewhere.pop(record.folder, None) is not None:
+                    self._on_record(record)
+            return next((task for task in list(self._elsewhere.values()) if self._claim(task)), None)
+        return None
 
     def append(self, record: BatchRecord) -> bool:
         """Write a record and give up the claim on its log, unless another batch has taken it over."""
-        queue = self._queue
-        assert queue is not None, "records are written while the queue is open"
-        if not queue.is_ours(record.folder):
+        if not self._claims.confirm(record.folder):
+            self._elsewhere[record.folder] = self._ours.pop(record.folder)  # the other one's record is waited for
             return False
         key = self._record_key(record.folder)
         self._tags[key] = self._bucket.write(key, record_line(record))
         self.records[record.input] = record
-        queue.release(record.folder)
+        del self._ours[record.folder]
+        self._claims.release(record.folder)
         return True
 
     def finish(self, records: Sequence[BatchRecord]) -> None:
         """Write manifest.jsonl and fleet.csv of all that the folder holds, and what the workers said."""
-        self.read_new()
+        self._read_new()
         everything = [self.records[log] for log in sorted(self.records)]
         self._bucket.write(f"{self._prefix}{MANIFEST}", b"".join(map(record_line, everything)))
         self._bucket.write(f"{self._prefix}{FLEET}", fleet_table(everything))
@@ -199,110 +242,44 @@ class BucketResults:
             name = f"workers-{socket.gethostname()}-{os.getpid()}.log"  # others have theirs
             self._bucket.upload(self.workers_log, f"{self._prefix}{name}")
 
-    def read_new(self) -> list[BatchRecord]:
-        """Read the records that others have written since the last look, and return them."""
-        listed = {found.key: found.tag for found in self._bucket.list(f"{self._prefix}manifest")}
-        changed = [key for key, tag in listed.items() if self._tags.get(key) != tag]
-        new: list[BatchRecord] = []
-        if not changed:
-            return new
-        with ThreadPoolExecutor(min(_READERS, len(changed))) as pool:
-            for key, found in zip(changed, pool.map(self._bucket.read, changed), strict=True):
-                self._tags[key] = listed[key]
-                record = parse_record(found[0]) if found is not None else None
-                if record is not None and self._record_key(record.folder) == key:
-                    self.records[record.input] = record
-                    new.append(record)
-        return new
-
-    def read_changed(self, folder: str) -> BatchRecord | None:
-        """Return the record of a log where another batch has written it since the last look, else None."""
-        key = self._record_key(folder)
-        found = self._bucket.read(key)
-        if found is None or self._tags.get(key) == found[1]:
-            return None
-        self._tags[key] = found[1]
-        record = parse_record(found[0])
-        if record is not None:
-            self.records[record.input] = record
-        return record
-
-    def forget(self, folder: str) -> None:
-        """Remove the record of a log that is run again: until it is done, what is there is not whole."""
-        key = self._record_key(folder)
-        if self._tags.pop(key, None) is not None:
-            self._bucket.delete(key)
-
-    def _record_key(self, folder: str) -> str:
-        return f"{self._prefix}manifest/{folder}.json"
-
-
-class SharedTasks:
-    """Tasks that other batches may take as well."""
-
-    def __init__(
-        self, results: BucketResults, claims: Claims, tasks: Sequence[Task], on_record: Callable[[BatchRecord], None]
-    ) -> None:
-        self._results, self._claims, self._on_record = results, claims, on_record
-        self._fresh = deque(tasks)
-        self._elsewhere: dict[str, Task] = {}
-        self._ours: dict[str, Task] = {}
-        self._looked = time.monotonic()
-
-    def n_left(self) -> int:
-        """Return how many are neither done nor taken by this batch."""
-        return len(self._fresh) + len(self._elsewhere)
-
-    def take(self) -> Task | None:
-        """Return a log that is this batch's now; None where others have all that are left."""
-        while self._fresh:
-            task = self._fresh.popleft()
-            if self._claim(task):
-                return task
-        if self._elsewhere and time.monotonic() - self._looked > _POLL_S:
-            self._looked = time.monotonic()
-            self._drop_done()
-            for task in list(self._elsewhere.values()):
-                if self._claim(task):
-                    return task
-        return None
-
-    def is_ours(self, name: str) -> bool:
-        """Return whether a log that was given out is still this batch's; else another one's record is waited for."""
-        if self._claims.confirm(name):
-            return True
-        self._elsewhere[name] = self._ours.pop(name)
-        return False
-
-    def release(self, name: str) -> None:
-        """Give up the claim on a log, which is done."""
-        del self._ours[name]
-        self._claims.release(name)
-
     def _claim(self, task: Task) -> bool:
         """Take a task, unless another batch has it or has just done it."""
         if not self._claims.take(task.name):
             self._elsewhere[task.name] = task
             return False
-        record = self._results.read_changed(task.name)  # done between the last look and the claim?
-        if record is not None:
-            self._claims.release(task.name)
-            self._elsewhere.pop(task.name, None)
-            self._on_record(record)
-            return False
         self._elsewhere.pop(task.name, None)
-        self._results.forget(task.name)
+        key = self._record_key(task.name)
+        if new := self._read([key]):  # done between the last look and the claim
+            self._claims.release(task.name)
+            self._on_record(new[0])
+            return False
+        # until the log is done, what is there is not whole
+        if self._tags.pop(key, None) is not None:
+            self._bucket.delete(key)
         self._ours[task.name] = task
         return True
 
-    def _drop_done(self) -> None:
-        for record in self._results.read_new():
-            others = len(self._elsewhere) + len(self._fresh)
-            self._elsewhere.pop(record.folder, None)
-            self._fresh = deque(task for task in self._fresh if task.name != record.folder)
-            if self.n_left() < others:
-                self._on_record(record)
+    def _read_new(self) -> list[BatchRecord]:
+        """Read the records that others have written since the last look, and return them."""
+        listed = self._bucket.list(f"{self._prefix}manifest")
+        return self._read([found.key for found in listed if self._tags.get(found.key) != found.tag])
+
+    def _read(self, keys: Sequence[str]) -> list[BatchRecord]:
+        """Read records, and return those that others have written since the last look."""
+        new: list[BatchRecord] = []
+        with ThreadPoolExecutor(_READERS) as pool:
+            for key, found in zip(keys, pool.map(self._bucket.read, keys), strict=True):
+                if found is None or self._tags.get(key) == found[1]:
+                    continue
+                self._tags[key] = found[1]
+                record = parse_record(found[0])
+                if record is not None and self._record_key(record.folder) == key:
+                    self.records[record.input] = record
+                    new.append(record)
+        return new
+
+    def _record_key(self, folder: str) -> str:
+        return f"{self._prefix}manifest/{folder}.json"
 
 
 Results: TypeAlias = FolderResults | BucketResults
-TaskQueue: TypeAlias = ListedTasks | SharedTasks

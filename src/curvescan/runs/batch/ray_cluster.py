@@ -1,20 +1,17 @@
-"""Workers that are actors of a Ray cluster, which the extra ``ray`` installs; see :class:`.workers.WorkerPool`.
+"""Workers that are actors of a Ray cluster, which the extra ``ray`` installs; see ``workers.py``.
 
-They run the same function as the processes of one machine. The environment variable RAY_ADDRESS names the cluster.
+They answer as the processes of one machine do. The environment variable RAY_ADDRESS names the cluster.
 Without it, a cluster that runs on this machine is used; else one is started, and ends with the batch.
 """
 
 import os
 import pickle
-from concurrent.futures import Future
 from contextlib import suppress
-from queue import SimpleQueue
 from typing import Any
 
 from curvescan.errors import MissingPackageError, WorkerError
-from curvescan.runs.batch.jobs import Job, JobResult
-from curvescan.runs.batch.worker import Failure, Ready, Reply, Task, answer
-from curvescan.runs.batch.workers import Event
+from curvescan.runs.batch.jobs import Job
+from curvescan.runs.batch.worker import Desk, Reply, Task
 
 _SETTINGS = {"MPLBACKEND": "Agg"}
 
@@ -39,7 +36,7 @@ class RayPool:
                 reason = str(error).partition("\n")[0]
                 raise WorkerError(f"no Ray cluster can be reached or started: {reason}") from error
         self.n_workers = n_workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
-        self._actor_class = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0)(RayWorker)
+        self._actor_class = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0)(_RayDesk)
 
     def warm_up(self, job: Job) -> None:
         """Compile what the job needs, on each machine of the cluster."""
@@ -54,9 +51,9 @@ class RayPool:
         except self._ray.exceptions.RayError as error:
             raise WorkerError(f"the workers cannot be started: {_sentence(error)}") from error
 
-    def start(self, job: bytes, events: SimpleQueue[Event]) -> "Actor":
-        """Start an actor with a pickled job."""
-        return Actor(self._ray, self._actor_class.remote(job), events)
+    def start(self) -> "Actor":
+        """Start an actor."""
+        return Actor(self._ray, self._actor_class.remote())
 
     def close(self) -> None:
         """Leave the cluster, unless the caller of Python had joined it before."""
@@ -65,16 +62,23 @@ class RayPool:
 
 
 class Actor:
-    """An actor, seen from the supervisor; see :class:`.workers.Worker`."""
+    """An actor, seen from the supervisor: what :class:`.workers.WorkerProcess` is on one machine."""
 
-    def __init__(self, ray: Any, handle: Any, events: SimpleQueue[Event]) -> None:
-        self._ray, self._handle, self._events = ray, handle, events
+    def __init__(self, ray: Any, handle: Any) -> None:
+        self._ray, self._handle = ray, handle
         self._cause = "its Ray worker ended"
-        self._expect(handle.ready.remote())
 
-    def send(self, task: Task) -> bool:
-        """Give a task; whether the actor is there is seen when its reply does not come."""
-        self._expect(self._handle.answer.remote(task))
+    def ask(self, message: bytes | Task) -> Reply | None:
+        """Give a pickled job or a task, and return the reply; None when the actor has ended."""
+        try:
+            reply: Reply = self._ray.get(self._handle.answer.remote(message))
+        except self._ray.exceptions.RayError as error:
+            self._cause = f"its Ray worker ended: {_sentence(error)}"
+            return None
+        return reply
+
+    def is_alive(self) -> bool:
+        """Return True: whether an actor is there is seen when its reply does not come."""
         return True
 
     def cause_of_death(self) -> str:
@@ -82,44 +86,16 @@ class Actor:
         return self._cause
 
     def kill(self) -> None:
-        """End the actor at once."""
+        """End the actor at once, in the middle of a log as well."""
         with suppress(self._ray.exceptions.RayError, ValueError):
             self._ray.kill(self._handle)
 
-    def dismiss(self) -> None:
-        """End the actor, in the middle of a log as well."""
-        self.kill()
 
-    def end(self) -> None:
-        """Do nothing: the cluster sees to its processes."""
+class _RayDesk(Desk):
+    """What runs in the cluster."""
 
-    def _expect(self, reference: Any) -> None:
-        future: Future[Reply] = reference.future()
-        future.add_done_callback(self._hear)
-
-    def _hear(self, future: Future[Reply]) -> None:
-        error = future.exception()
-        if error is None:
-            self._events.put((self, future.result()))
-        else:
-            self._cause = f"its Ray worker ended: {_sentence(error)}"
-            self._events.put((self, None))
-
-
-class RayWorker:
-    """What runs in the cluster: one job over one log after another."""
-
-    def __init__(self, job: bytes) -> None:
+    def __init__(self) -> None:
         os.environ.update(_SETTINGS)
-        self._job: Job = pickle.loads(job)
-
-    def ready(self) -> Ready:
-        """Say that the job is loaded."""
-        return Ready()
-
-    def answer(self, task: Task) -> JobResult | Failure:
-        """Run the job over a log."""
-        return answer(self._job, task)
 
 
 def _warm_up(job: bytes) -> None:

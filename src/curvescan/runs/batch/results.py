@@ -1,38 +1,17 @@
-"""The manifest of a batch, and the table of all logs.
-
-A line of JSON for each log that was run, on the disk before the next one is written. A later line of the same log
-replaces an earlier one. A line that was cut short when the machine failed is ignored.
-"""
+"""The records of a batch: the lines of its manifest, and the table of all logs."""
 
 import csv
 import io
 import json
-import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
-from curvescan._processes import lock
-from curvescan.errors import OutputError
 from curvescan.runs.batch.logs import LogState
 
-FLEET = "fleet.csv"
-WORKERS_LOG = "workers.log"
-
-
-def fleet_table(records: "Sequence[BatchRecord]") -> bytes:
-    """Return records as a CSV table, in UTF-8."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    names = [field.name for field in fields(BatchRecord)]
-    writer.writerow(names)
-    writer.writerows([getattr(record, name) for name in names] for record in records)
-    return text.getvalue().encode("utf-8")
-
-
-MANIFEST = "manifest.jsonl"
+MANIFEST, FLEET, WORKERS_LOG = "manifest.jsonl", "fleet.csv", "workers.log"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,49 +45,6 @@ class BatchRecord:
         return not self.is_failed and (state, self.options, self.version) == (log, options, version)
 
 
-class Manifest:
-    """The manifest in a folder that nobody else writes meanwhile; see :func:`open_manifest`."""
-
-    def __init__(self, path: Path, file: BinaryIO) -> None:
-        self._path, self._file = path, file
-        self.records = read_manifest(path)
-
-    def append(self, record: BatchRecord) -> None:
-        """Write a record, and wait until it is on the disk. Raises OutputError."""
-        line = record_line(record)
-        try:
-            if not _ends_a_line(self._path):
-                line = b"\n" + line
-            self._file.write(line)
-            os.fsync(self._file.fileno())
-        except OSError as error:
-            raise OutputError(
-                f"cannot write {self._path}: {error.strerror}; the results that are listed in it stand"
-            ) from error
-        self.records[record.input] = record
-
-
-@contextmanager
-def open_manifest(folder: Path) -> Iterator[Manifest]:
-    """Yield the manifest of a batch's folder, locked while the process lives: a second batch in it is refused."""
-    path = folder / MANIFEST
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        file = path.open("ab", buffering=0)
-    except OSError as error:
-        raise OutputError(
-            f"cannot write results to {str(folder)!r}: {error.strerror}; choose another folder"
-        ) from error
-    with file:
-        try:
-            lock(file)
-        except OSError as error:
-            raise OutputError(
-                f"another batch writes to {str(folder)!r}: wait for it, or choose another folder"
-            ) from error
-        yield Manifest(path, file)
-
-
 def read_manifest(path: Path) -> dict[str, BatchRecord]:
     """Return the last record of each log by its path, in the order of the lines; broken lines are left out."""
     records: dict[str, BatchRecord] = {}
@@ -138,9 +74,10 @@ def parse_record(line: bytes) -> BatchRecord | None:
     return record if is_safe else None
 
 
-def _ends_a_line(path: Path) -> bool:
-    with path.open("rb") as file:
-        if file.seek(0, os.SEEK_END) == 0:
-            return True
-        file.seek(-1, os.SEEK_END)
-        return file.read(1) == b"\n"
+def fleet_table(records: Sequence[BatchRecord]) -> bytes:
+    """Return records as a CSV table, in UTF-8."""
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, [field.name for field in fields(BatchRecord)], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(map(asdict, records))
+    return text.getvalue().encode("utf-8")

@@ -1,10 +1,9 @@
 """A worker of a batch: a process that runs one job over one log after another, driven by pipes.
 
-Messages are pickled: first the job, answered by `Ready`, then tasks, each answered by a `JobResult` or a `Failure`.
+Messages are pickled: first the job, answered by the version, then tasks, each answered by a JobResult or a Failure.
 When the supervisor is gone the pipe ends, and the worker with it. Logs and results may be in buckets.
 """
 
-import contextlib
 import os
 import pickle
 import re
@@ -14,7 +13,7 @@ import tempfile
 import threading
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
@@ -25,7 +24,7 @@ from curvescan._version import __version__
 from curvescan.errors import CurvescanError, LogFileError, StorageError
 from curvescan.runs.batch.jobs import Job, JobResult
 from curvescan.runs.batch.logs import BAG_MARK
-from curvescan.runs.batch.object_store import Bucket, StoredObject, is_url, split_url
+from curvescan.runs.batch.object_store import Bucket, is_url, split_url
 
 SCRATCH_PREFIX = "curvescan-batch-"
 _LOCK = ".in-use"
@@ -50,7 +49,7 @@ def download(url: str, folder: Path) -> Path:
     bucket = Bucket(address)
     folder.mkdir()
     one = bucket.find(key)
-    parts = [one] if one is not None else [o for o in bucket.list(key) if _parent(o) == key]
+    parts = [one] if one is not None else [o for o in bucket.list(key) if o.key.rpartition("/")[0] == key]
     if one is None and not any(part.key == f"{key}/{BAG_MARK}" for part in parts):
         raise LogFileError(f"{url} is gone: list the logs again")
     size, free = sum(part.size for part in parts), shutil.disk_usage(folder).free
@@ -92,7 +91,11 @@ def upload(folder: Path, url: str) -> None:
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
     """Yield a temporary folder; those of processes that were killed are removed on the way."""
-    _remove_abandoned(Path(tempfile.gettempdir()))
+    for held in Path(tempfile.gettempdir()).glob(f"{SCRATCH_PREFIX}*/{_LOCK}"):
+        with suppress(OSError):  # somebody else's, or in use
+            with held.open("ab") as file:
+                lock(file)
+            shutil.rmtree(held.parent, ignore_errors=True)
     folder = Path(tempfile.mkdtemp(prefix=SCRATCH_PREFIX))
     try:
         with (folder / _LOCK).open("ab") as file:
@@ -102,30 +105,10 @@ def scratch_folder() -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _remove_abandoned(place: Path) -> None:
-    for held in place.glob(f"{SCRATCH_PREFIX}*/{_LOCK}"):
-        # somebody else's, or in use
-        with contextlib.suppress(OSError):
-            with held.open("ab") as file:
-                lock(file)
-            shutil.rmtree(held.parent, ignore_errors=True)
-
-
-def _parent(found: StoredObject) -> str:
-    return found.key.rpartition("/")[0]
-
-
 def _safe_name(key: str) -> str:
     """Return the last part of a key as the name of a file; the names of objects may be no names of files."""
     name = key.rpartition("/")[2].replace("\\", "_").replace("\x00", "_")
     return name if name not in ("", ".", "..") else "log"
-
-
-@dataclass(frozen=True)
-class Ready:
-    """The job is loaded."""
-
-    version: str = __version__  # of the worker's curvescan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +132,8 @@ class Failure:
     traceback: str = ""  # where in the program, when nobody expected it; else empty
 
 
-Reply: TypeAlias = "Ready | JobResult | Failure"  # what a worker says
+Reply: TypeAlias = str | JobResult | Failure
+"""What a worker says: the version of its curvescan when it has loaded the job, then what came of each log."""
 
 
 def serve() -> None:
@@ -158,40 +142,42 @@ def serve() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     replies = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints must not stand between the replies
-    messages: SimpleQueue[bytes] = SimpleQueue()
+    messages: SimpleQueue[bytes | Task] = SimpleQueue()
     requests = os.fdopen(os.dup(0), "rb")
     threading.Thread(target=_listen, args=(requests, messages), daemon=True).start()
-    job: Job = pickle.loads(messages.get())
-    _send(replies, Ready())
+    desk = Desk()
     while True:
-        task: Task = pickle.loads(messages.get())
-        _send(replies, answer(job, task))
+        reply = desk.answer(messages.get())
+        try:
+            pickle.dump(reply, replies)
+            replies.flush()
+        except OSError:
+            os._exit(0)
 
 
-def answer(job: Job, task: Task) -> JobResult | Failure:
-    """Run a job over a log, and return what came of it; whatever goes wrong is returned too."""
-    try:
-        return run_job(job, task.log, task.folder)
-    except CurvescanError as error:
-        return Failure(sentence=str(error))
-    except Exception as error:  # noqa: BLE001 - a log that fails does not stop the others
-        said = f": {error}" if str(error) else ""
-        return Failure(
-            sentence=f"{type(error).__name__}{said} (its traceback is in workers.log)", traceback=traceback.format_exc()
-        )
+class Desk:
+    """Answers messages: first the job, pickled, then one task after another."""
+
+    _job: Job
+
+    def answer(self, message: bytes | Task) -> Reply:
+        """Load the job, or run it over a log; whatever goes wrong with a log is an answer too."""
+        if isinstance(message, bytes):
+            self._job = pickle.loads(message)
+            return __version__
+        try:
+            return run_job(self._job, message.log, message.folder)
+        except CurvescanError as error:
+            return Failure(sentence=str(error))
+        except Exception as error:  # noqa: BLE001 - a log that fails does not stop the others
+            said = f": {error}" if str(error) else ""
+            sentence = f"{type(error).__name__}{said} (its traceback is in workers.log)"
+            return Failure(sentence=sentence, traceback=traceback.format_exc())
 
 
-def _listen(requests: BinaryIO, messages: SimpleQueue[bytes]) -> None:
+def _listen(requests: BinaryIO, messages: SimpleQueue[bytes | Task]) -> None:
     try:
         while True:
             messages.put(pickle.load(requests))
     except (EOFError, OSError, pickle.UnpicklingError):
         os._exit(0)  # also in the middle of a log: nobody waits for it any more
-
-
-def _send(replies: BinaryIO, reply: object) -> None:
-    try:
-        pickle.dump(reply, replies)
-        replies.flush()
-    except OSError:
-        os._exit(0)

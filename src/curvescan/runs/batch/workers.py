@@ -1,10 +1,9 @@
-"""The supervisor of a batch's workers: gives out logs, starts anew what has died, stops what is overdue.
+"""The supervisor of a batch's workers: a thread for each asks it for one log after another.
 
-A process pool of the standard library is broken once a worker dies, and all logs that wait are lost with it. What the
-workers are (processes of this machine, actors of a Ray cluster) is the business of a pool.
+A process pool of the standard library is broken once a worker dies, and all logs that wait are lost with it. Here a
+worker that dies, or is stopped because its log takes too long, costs that log alone; the next log gets a new worker.
 """
 
-import math
 import os
 import pickle
 import signal
@@ -12,23 +11,25 @@ import subprocess
 import threading
 import time
 from collections.abc import Generator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from queue import Empty, SimpleQueue
-from typing import BinaryIO, Protocol, TypeAlias
+from typing import TypeAlias
 
-from curvescan._interrupts import cleaned_up_by, held_back
+from curvescan._interrupts import cleaned_up_by
 from curvescan._processes import n_usable_cores, python_command
 from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError, WorkerError
 from curvescan.runs.batch.jobs import Job, JobResult
-from curvescan.runs.batch.places import TaskQueue
-from curvescan.runs.batch.worker import Failure, Ready, Reply, Task
+from curvescan.runs.batch.places import Results
+from curvescan.runs.batch.ray_cluster import Actor, RayPool
+from curvescan.runs.batch.worker import Failure, Reply, Task
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Each worker has a core: libraries that start threads of their own would share it."""
-_PATIENCE_S = 2.0  # time that a worker has to end when its pipe does, seconds
+_MAX_FALSE_STARTS = 3
+_LOOK_S = 0.2  # between two looks for logs that other batches give up, and for Ctrl-C (on Windows it ends no wait)
 
 
 class ProcessPool:
@@ -42,18 +43,18 @@ class ProcessPool:
         """Compile what the job needs, in this process."""
         job.warm_up()
 
-    def start(self, job: bytes, events: "SimpleQueue[Event]") -> "WorkerProcess":
-        """Start a process with a pickled job."""
-        return WorkerProcess(job, events, self._log)
+    def start(self) -> "WorkerProcess":
+        """Start a process."""
+        return WorkerProcess(self._log)
 
     def close(self) -> None:
         """Do nothing: processes end with their pipes."""
 
 
 class WorkerProcess:
-    """A worker process; see :class:`.workers.Worker`."""
+    """A worker process; see :func:`curvescan.runs.batch.worker.serve`."""
 
-    def __init__(self, job: bytes, events: "SimpleQueue[Event]", log: Path) -> None:
+    def __init__(self, log: Path) -> None:
         once = dict.fromkeys(_ONE_THREAD, "1")
         with log.open("ab") as errors:
             self._process = subprocess.Popen(
@@ -63,15 +64,21 @@ class WorkerProcess:
                 stdout=subprocess.PIPE,
                 stderr=errors,
             )
+
+    def ask(self, message: bytes | Task) -> Reply | None:
+        """Give a pickled job or a task, and return the reply; None when the process has ended."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        self._requests, replies = self._process.stdin, self._process.stdout
-        threading.Thread(target=_hear, args=(self, replies, events), daemon=True).start()
-        self._send(job)
+        with suppress(EOFError, OSError, pickle.UnpicklingError):
+            self._process.stdin.write(pickle.dumps(message))
+            self._process.stdin.flush()
+            reply: Reply = pickle.load(self._process.stdout)
+            return reply
+        return None
 
-    def send(self, task: Task) -> bool:
-        """Give a task, and return whether the process is there to take it."""
-        return self._send(pickle.dumps(task))
+    def is_alive(self) -> bool:
+        """Return whether the process has not ended."""
+        return self._process.poll() is None
 
     def cause_of_death(self) -> str:
         """Return how the process ended, as a sentence."""
@@ -87,77 +94,15 @@ class WorkerProcess:
     def kill(self) -> None:
         """End the process at once."""
         self._process.kill()
-
-    def dismiss(self) -> None:
-        """Let the process end; it does so as soon as its pipe ends."""
-        with suppress(OSError):
-            self._requests.close()
-
-    def end(self) -> None:
-        """Wait until the process has ended, and make it end where it does not."""
-        self.dismiss()
-        try:
-            self._process.wait(_PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-
-    def _send(self, message: bytes) -> bool:
-        try:
-            pickle.dump(message, self._requests)
-            self._requests.flush()
-        except OSError:  # it has died, as its own pipe will tell
-            return False
-        return True
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with suppress(OSError):
+                    pipe.close()
 
 
-def _hear(worker: WorkerProcess, replies: BinaryIO, events: "SimpleQueue[Event]") -> None:
-    with replies, suppress(EOFError, OSError, pickle.UnpicklingError):
-        while True:
-            events.put((worker, pickle.load(replies)))
-    events.put((worker, None))
-
-
-_MAX_FALSE_STARTS = 3
-_LONGEST_WAIT_S = 1.0
-
-
-class Worker(Protocol):
-    """A worker, seen from the supervisor; its replies come as :data:`Event`."""
-
-    def send(self, task: Task) -> bool:
-        """Give a task, and return whether the worker is there to take it."""
-
-    def cause_of_death(self) -> str:
-        """Return how it ended, as a sentence."""
-
-    def kill(self) -> None:
-        """End it at once."""
-
-    def dismiss(self) -> None:
-        """Let it end; do not wait for it."""
-
-    def end(self) -> None:
-        """Wait until it has ended, and make it end where it does not."""
-
-
-Event: TypeAlias = "tuple[Worker, Reply | None]"  # a worker and its reply; None when it has died
-
-
-class WorkerPool(Protocol):
-    """Where workers come from."""
-
-    n_workers: int
-    """How many there may be at once."""
-
-    def warm_up(self, job: Job) -> None:
-        """Compile what the job needs, once on each machine."""
-
-    def start(self, job: bytes, events: SimpleQueue[Event]) -> Worker:
-        """Start a worker with a pickled job; its first reply is `Ready`."""
-
-    def close(self) -> None:
-        """Give back what the pool has taken."""
+WorkerPool: TypeAlias = ProcessPool | RayPool
+Worker: TypeAlias = WorkerProcess | Actor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,134 +114,103 @@ class Done:
     seconds: float  # time since it was given to a worker
 
 
-@dataclass(eq=False)
-class _Assignment:
-    """A worker and what it is doing."""
+class _Crew:
+    """The workers of a batch, all with the same job."""
 
-    worker: Worker
-    task: Task | None = None
-    begun: float = math.inf
-    is_ready: bool = False
+    def __init__(self, job: bytes, pool: WorkerPool, timeout: float, log: Path) -> None:
+        self._job, self._pool, self._timeout, self._log = job, pool, timeout, log
+        self._workers: list[Worker] = []
+        self._idle: list[Worker] = []
+        self._is_over = False
 
-    @property
-    def seconds(self) -> float:
-        """Time since the task was given; -inf without one."""
-        return time.monotonic() - self.begun
+    def run(self, task: Task) -> Done:
+        """Have a worker run a task; called in several threads at once."""
+        worker = self._next_idle() or self._started()
+        is_late = threading.Event()
 
-    def begin(self, task: Task) -> bool:
-        if not self.worker.send(task):
-            return False
-        self.task, self.begun = task, time.monotonic()
-        return True
+        def stop() -> None:
+            is_late.set()
+            worker.kill()
 
-    def done(self, result: JobResult | str) -> Done:
-        """Return what became of the task; the worker is free again."""
-        assert self.task is not None
-        done = Done(task=self.task, result=result, seconds=self.seconds)
-        self.task, self.begun = None, math.inf
-        return done
+        timer = threading.Timer(min(self._timeout, threading.TIMEOUT_MAX), stop)
+        timer.daemon = True
+        begun = time.monotonic()
+        timer.start()
+        reply = worker.ask(task)
+        timer.cancel()
+        result: JobResult | str
+        if is_late.is_set():
+            most, longer = self._timeout, 10 * self._timeout
+            result = f"stopped after {most:g} s, the time that a log may take: try timeout={longer:g}"
+        elif isinstance(reply, Failure | JobResult):
+            result = reply if isinstance(reply, JobResult) else self._said(reply)
+            self._idle.append(worker)
+        else:
+            result = worker.cause_of_death()
+        return Done(task=task, result=result, seconds=time.monotonic() - begun)
+
+    def kill(self) -> None:
+        """End all workers at once."""
+        self._is_over = True
+        for worker in self._workers:
+            worker.kill()
+
+    def _next_idle(self) -> Worker | None:
+        while self._idle:
+            worker = self._idle.pop()
+            if worker.is_alive():
+                return worker
+        return None
+
+    def _started(self) -> Worker:
+        """Return a new worker that has loaded the job."""
+        for _ in range(_MAX_FALSE_STARTS):
+            worker: Worker = self._pool.start()
+            self._workers.append(worker)
+            if self._is_over:
+                worker.kill()
+                break
+            reply = worker.ask(self._job)
+            if reply == __version__:
+                return worker
+            if reply is not None:
+                raise WorkerError(
+                    f"a worker has curvescan {reply}, and this is {__version__}: install the same on all machines"
+                )
+        text = self._log.read_text("utf-8", "replace") if self._log.exists() else ""
+        last = next((line.strip() for line in reversed(text.split("\n")) if line.strip()), "")
+        raise WorkerError(f"the workers cannot be started: {last or worker.cause_of_death()}")
+
+    def _said(self, failure: Failure) -> str:
+        if failure.traceback:
+            # a full disk costs the traceback, not the batch
+            with suppress(OSError), self._log.open("a", encoding="utf-8") as file:
+                file.write(failure.traceback)
+        return failure.sentence
 
 
-def run_tasks(
-    job: Job, queue: TaskQueue, *, pool: WorkerPool, timeout: float, log: Path
-) -> Generator[Done, None, None]:
+def run_tasks(job: Job, queue: Results, *, pool: WorkerPool, timeout: float, log: Path) -> Generator[Done, None, None]:
     """Run a job over logs on workers, and yield what becomes of each as soon as it is known.
 
     Close the generator to end the workers early. timeout: of one task, seconds; inf for any. Raises
     InvalidArgumentError, WorkerError.
     """
-    sent, assigned = _pickled(job), dict[Worker, _Assignment]()
+    crew = _Crew(_pickled(job), pool, timeout, log)
+    running: set[Future[Done]] = set()
     # a supervisor that a signal ends at once cannot wait for its workers
-    with cleaned_up_by(lambda: _kill(assigned)):
-        yield from _supervise(sent, queue, assigned, pool=pool, timeout=timeout, log=log)
-
-
-def _supervise(
-    job: bytes, queue: TaskQueue, assigned: dict[Worker, _Assignment], *, pool: WorkerPool, timeout: float, log: Path
-) -> Generator[Done, None, None]:
-    events: SimpleQueue[Event] = SimpleQueue()
-    waiting: Task | None = None
-    n_false_starts = 0
-    try:
-        while True:
-            n_busy = sum(one.task is not None for one in assigned.values())
-            n_left = queue.n_left() + (waiting is not None)
-            if not n_busy and not n_left:
-                return
-            while len(assigned) < min(pool.n_workers, n_left + n_busy):
-                with held_back():  # a signal kills those assigned: none may start unseen
-                    worker = pool.start(job, events)
-                    assigned[worker] = _Assignment(worker)
-            for one in assigned.values():
-                if one.is_ready and one.task is None:
-                    waiting = waiting or queue.take()
-                    if waiting is not None and one.begin(waiting):
-                        waiting = None
-            try:
-                worker, reply = events.get(timeout=_until_next(assigned, timeout))
-            except Empty:
-                for overdue in [one for one in assigned.values() if one.seconds > timeout]:
-                    yield _stopped(assigned, overdue, timeout)
-                continue
-            if worker not in assigned:
-                continue  # the last word of one that was stopped
-            one = assigned[worker]
-            if isinstance(reply, Ready):
-                _check_version(reply)
-                one.is_ready, n_false_starts = True, 0
-            elif reply is not None:
-                yield one.done(_said(reply, log))
-            else:
-                del assigned[worker]
-                worker.end()
-                if one.task is not None:
-                    yield one.done(worker.cause_of_death())
-                n_false_starts += not one.is_ready
-                if n_false_starts >= _MAX_FALSE_STARTS:
-                    raise WorkerError(f"the workers cannot be started: {_last_line(log) or worker.cause_of_death()}")
-    finally:
-        for worker in assigned:
-            worker.dismiss()
-        for worker in assigned:
-            worker.end()
-
-
-def _kill(assigned: dict[Worker, _Assignment]) -> None:
-    for worker in tuple(assigned):
-        worker.kill()
-    for worker in tuple(assigned):
-        worker.end()
-
-
-def _stopped(assigned: dict[Worker, _Assignment], one: _Assignment, timeout: float) -> Done:
-    del assigned[one.worker]
-    one.worker.kill()
-    one.worker.end()
-    return one.done(f"stopped after {timeout:g} s, the time that a log may take: try timeout={10 * timeout:g}")
-
-
-def _said(reply: JobResult | Failure, log: Path) -> JobResult | str:
-    if isinstance(reply, JobResult):
-        return reply
-    if reply.traceback:
-        # a full disk costs the traceback, not the batch
-        with suppress(OSError), log.open("a", encoding="utf-8") as file:
-            file.write(reply.traceback)
-    return reply.sentence
-
-
-def _check_version(reply: Ready) -> None:
-    if reply.version != __version__:
-        raise WorkerError(
-            f"a worker has curvescan {reply.version}, and this is {__version__}: install the same on all machines"
-        )
-
-
-def _until_next(assigned: dict[Worker, _Assignment], timeout: float) -> float:
-    """Return how long to wait for a reply before looking for one that is overdue, seconds."""
-    left = min((timeout - one.seconds for one in assigned.values()), default=math.inf)
-    # never without end: on Windows, Ctrl-C does not end a wait
-    return min(max(left, 0.0) + 1e-3, _LONGEST_WAIT_S)
+    with cleaned_up_by(crew.kill), ThreadPoolExecutor(pool.n_workers) as threads:
+        try:
+            while running or queue.n_left():
+                while len(running) < pool.n_workers and (task := queue.take()) is not None:
+                    running.add(threads.submit(crew.run, task))
+                if not running:
+                    time.sleep(_LOOK_S)
+                    continue
+                done, running = wait(running, _LOOK_S, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+        finally:
+            crew.kill()
 
 
 def _pickled(job: Job) -> bytes:
@@ -308,8 +222,3 @@ def _pickled(job: Job) -> bytes:
         return pickle.dumps(job)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise InvalidArgumentError(f"{rule}, got {job!r:.80}: {error}") from error
-
-
-def _last_line(log: Path) -> str:
-    lines = log.read_text("utf-8", "replace").split("\n") if log.exists() else []
-    return next((line.strip() for line in reversed(lines) if line.strip()), "")

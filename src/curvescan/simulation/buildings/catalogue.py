@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from curvescan.configs import look_up, shipped_table
+from curvescan.simulation.buildings import rooms as simple
 from curvescan.simulation.buildings.floorplan import (
     WALL_THICKNESS,
     Door,
@@ -16,22 +17,15 @@ from curvescan.simulation.buildings.floorplan import (
     shared_walls,
     walls_of,
 )
-from curvescan.simulation.buildings.rooms import (
-    clutter,
-    columns,
-    corridor,
-    curved_hall,
-    l_hall,
-    room,
-    round_room,
-    t_hall,
-)
 from curvescan.simulation.buildings.world import World
 from curvescan.types import Floats, Points
 
 _CORRIDOR = 2.0  # width, metres
-_ROUND_GAP = 0.7  # half the opening of the round room, metres
 _LEAF = 0.04  # thickness of a door leaf, metres
+_FREE = 0.1  # metres by which a leaf is narrower than its opening
+
+_TABLE = shipped_table(__package__, "worlds.toml")
+_BUILDING, _OFFICE = _TABLE["building"], _TABLE["office"]
 
 
 def building(seed: int | np.random.SeedSequence = 0, *, visits_round_room: bool = True) -> World:
@@ -41,31 +35,31 @@ def building(seed: int | np.random.SeedSequence = 0, *, visits_round_room: bool 
     arc); the corridor on the right has a curved outer wall. Doors stand open or are closed.
     """
     rng = np.random.default_rng(seed)
-    length = rng.uniform(21.5, 23.5)
-    low = rng.uniform(4.0, 4.6)  # top of the lower row
+    length = rng.uniform(*_BUILDING["length"])
+    low = rng.uniform(*_BUILDING["row"])  # top of the lower row
     core_low = low + _CORRIDOR
-    core_high = core_low + rng.uniform(4.8, 5.2)
+    core_high = core_low + rng.uniform(*_BUILDING["core"])
     high = core_high + _CORRIDOR  # bottom of the upper row
-    width = high + rng.uniform(4.0, 4.6)
+    width = high + rng.uniform(*_BUILDING["row"])
 
     lower = _row(0.0, length, 0.0, low, rng)
     upper = _row(0.0, length, high, width, rng)
     side = core_high - core_low
-    round_x = _CORRIDOR + rng.uniform(0.35, 0.65) * (length - 2.0 * _CORRIDOR)
+    round_x = _CORRIDOR + rng.uniform(*_BUILDING["hub"]) * (length - 2.0 * _CORRIDOR)
     hub = Room(round_x - 0.5 * side, core_low, round_x + 0.5 * side, core_high)
     core = _row(_CORRIDOR, hub.x0, core_low, core_high, rng)
     core += _row(hub.x1, length - _CORRIDOR, core_low, core_high, rng)
 
     doors = [_door(one, one.y1, rng) for one in lower] + [_door(one, one.y0, rng) for one in upper]
     doors += [_door(one, (one.y0, one.y1)[int(rng.integers(2))], rng) for one in core]
-    hub_door = Door(round_x, core_high, 2.0 * _ROUND_GAP, False)
+    hub_door = Door(round_x, core_high, 2.0 * _BUILDING["round_gap"], False)
     rooms = [*lower, *upper, *core]
-    is_open = rng.random(len(rooms)) < 0.8
+    is_open = rng.random(len(rooms)) < _BUILDING["open_share"]
     visited = [len(lower) // 2, len(lower) + len(upper) // 2]
     is_open[visited] = True
 
-    world = walls_of([*rooms, hub], [*doors, hub_door]) + _ends(length, low, high)
-    world += _round_wall(hub)
+    ends = _ends(length, low, high)
+    world = walls_of([*rooms, hub], [*doors, hub_door]) + ends + _round_wall(hub)
     for one, door, opens in zip(rooms, doors, is_open, strict=True):
         world += _leaf(one, door, opens, rng) + furnish(one, doors, rng)
     world += _in_the_corridors(length, (low, core_low, core_high, high), [*doors, hub_door], rng)
@@ -73,37 +67,35 @@ def building(seed: int | np.random.SeedSequence = 0, *, visits_round_room: bool 
     left, right, bottom, top = 1.0, length - 1.0, low + 1.0, high - 1.0
     inside = [tuple(roomiest_place(world, rooms[i], rng).tolist()) for i in visited]
     at_door = [(doors[i].x, doors[i].y) for i in visited]
+    into_hub = [(round_x, core_high), hub.centre, (round_x, core_high), (round_x, top)] if visits_round_room else []
+    visits = [
+        [(at_door[1][0], top), at_door[1], inside[1], at_door[1], (at_door[1][0], top)],
+        [(round_x, top), *into_hub],
+    ]
     route: list[tuple[float, ...]] = [
         (left, 0.5 * (low + high)),
         (left, bottom),
         *((at_door[0][0], bottom), at_door[0], inside[0], at_door[0], (at_door[0][0], bottom)),
         *((right, bottom), (right, top)),
-        *_in_order_from_the_right(
-            [(at_door[1][0], top), at_door[1], inside[1], at_door[1], (at_door[1][0], top)],
-            [
-                (round_x, top),
-                *([(round_x, core_high), hub.centre] if visits_round_room else []),
-                *([(round_x, core_high), (round_x, top)] if visits_round_room else []),
-            ],
-        ),
+        *(place for visit in sorted(visits, key=lambda places: -places[0][0]) for place in visit),
         (left, top),
     ]
-    return replace(world, name="building", floor=_outline(length, width, low, high), route=np.array(route))
+    return replace(world, name="building", floor=_outline(ends, length, width, low, high), route=np.array(route))
 
 
 def _row(x0: float, x1: float, y0: float, y1: float, rng: np.random.Generator) -> list[Room]:
     """Return rooms of about 4 m side by side that fill a strip; none when it is too short."""
-    n_rooms = int((x1 - x0) / rng.uniform(3.4, 4.4))
+    n_rooms = int((x1 - x0) / rng.uniform(*_BUILDING["room"]))
     if n_rooms == 0:
         return [Room(x0, y0, x1, y1)] if x1 - x0 > 1.6 else []
     pitch = (x1 - x0) / n_rooms
     cuts = np.linspace(x0, x1, n_rooms + 1)
-    cuts[1:-1] += rng.uniform(-0.12, 0.12, n_rooms - 1) * pitch
+    cuts[1:-1] += rng.uniform(-_BUILDING["jog"], _BUILDING["jog"], n_rooms - 1) * pitch
     return [Room(a, y0, b, y1) for a, b in itertools.pairwise(cuts.tolist())]
 
 
 def _door(one: Room, y: float, rng: np.random.Generator) -> Door:
-    width = rng.uniform(0.95, 1.15)
+    width = rng.uniform(*_BUILDING["door"])
     margin = 0.5 * width + 0.2
     return Door(float(rng.uniform(one.x0 + margin, one.x1 - margin)), y, width, False)
 
@@ -115,13 +107,13 @@ def _leaf(one: Room, door: Door, is_open: bool, rng: np.random.Generator) -> Wor
         return World(boxes=np.array([[door.x, door.y, door.width, _LEAF, 0.0]]))
     into = 1.0 if one.centre[1] > door.y else -1.0
     x = door.x + side * 0.5 * (door.width + _LEAF)
-    y = door.y + into * 0.5 * (WALL_THICKNESS + door.width - 0.1)
-    return World(boxes=np.array([[x, y, _LEAF, door.width - 0.1, 0.0]]))
+    y = door.y + into * 0.5 * (WALL_THICKNESS + door.width - _FREE)
+    return World(boxes=np.array([[x, y, _LEAF, door.width - _FREE, 0.0]]))
 
 
 def _ends(length: float, low: float, high: float) -> World:
-    """Return the outer walls of the left corridor (straight) and of the right one (an arc, bulging 0.9 m)."""
-    middle, chord, bulge = 0.5 * (low + high), high - low, 0.9
+    """Return the outer walls of the left corridor (straight) and of the right one (a bulging arc)."""
+    middle, chord, bulge = 0.5 * (low + high), high - low, _BUILDING["bulge"]
     radius = (0.25 * chord**2 + bulge**2) / (2.0 * bulge)
     half = np.arcsin(0.5 * chord / radius)
     return World(
@@ -134,16 +126,14 @@ def _round_wall(hub: Room) -> World:
     """Return the round wall inside the square of the hub, open to its upper door; shafts fill the corners."""
     (x, _), side = hub.centre, hub.y1 - hub.y0
     radius = 0.5 * side - 0.15
-    gap = np.arcsin(_ROUND_GAP / radius)
+    gap = np.arcsin(_BUILDING["round_gap"] / radius)
     y = hub.y1 - 0.5 * WALL_THICKNESS - radius * np.cos(gap)
     shaft = 0.25 * radius
-    corners = [
-        (cx, cy)
-        for cx in (hub.x0 + 0.5 * shaft, hub.x1 - 0.5 * shaft)
-        for cy in (hub.y0 + 0.5 * shaft, hub.y1 - 0.5 * shaft)
-    ]
+    corners = itertools.product(
+        (hub.x0 + 0.5 * shaft, hub.x1 - 0.5 * shaft), (hub.y0 + 0.5 * shaft, hub.y1 - 0.5 * shaft)
+    )
     return World(
-        boxes=np.array([[cx, cy, shaft, shaft, 0.0] for cx, cy in corners]),
+        boxes=np.array([[*corner, shaft, shaft, 0.0] for corner in corners]),
         arcs=np.array([[x, y, radius, 0.5 * np.pi + gap, 2.0 * (np.pi - gap)]]),
     )
 
@@ -152,35 +142,25 @@ def _in_the_corridors(
     length: float, y: tuple[float, float, float, float], doors: list[Door], rng: np.random.Generator
 ) -> World:
     """Return what stands in the long corridors: cabinets and bins at the walls, and shallow pillars."""
-    things = World()
+    things, zones = World(), door_zones(doors)
+    pitch, side = _BUILDING["pillar_pitch"], _BUILDING["pillar"]
     for y0, y1 in ((y[0], y[1]), (y[2], y[3])):
         hall = Room(_CORRIDOR, y0, length - _CORRIDOR, y1)
         things += furnish(hall, doors, rng, density=0.7, sides=(0, 2))
-        zones = door_zones(doors)
-        for x in np.arange(hall.x0 + 1.5, hall.x1 - 1.0, 4.5) + rng.uniform(-0.5, 0.5):
+        for x in np.arange(hall.x0 + 1.5, hall.x1 - 1.0, pitch) + rng.uniform(-0.5, 0.5):
             at = y0 if rng.random() < 0.5 else y1
-            near = (np.abs(zones[:, 1] + zones[:, 3] - 2.0 * at) < 0.1) & (
-                np.abs(0.5 * (zones[:, 0] + zones[:, 2]) - x) < 1.0
-            )
-            if not near.any():
-                things += World(boxes=np.array([[x, at, 0.4, 0.4, 0.0]]))
+            is_beside = np.abs(zones[:, 1] + zones[:, 3] - 2.0 * at) < 0.1
+            if not (is_beside & (np.abs(0.5 * (zones[:, 0] + zones[:, 2]) - x) < 1.0)).any():
+                things += World(boxes=np.array([[x, at, side, side, 0.0]]))
     return things
 
 
-def _in_order_from_the_right(*visits: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
-    return [place for visit in sorted(visits, key=lambda v: -v[0][0]) for place in visit]
-
-
-def _outline(length: float, width: float, low: float, high: float) -> Floats:
+def _outline(ends: World, length: float, width: float, low: float, high: float) -> Floats:
     """Return the floor: the rectangle and the bulge of the curved wall."""
     y = np.linspace(low, high, 20)
-    wall = _ends(length, low, high).arcs[0]
+    wall = ends.arcs[0]
     x = wall[0] + np.sqrt(np.maximum(wall[2] ** 2 - (y - wall[1]) ** 2, 0.0))
-    ends = [[0.0, 0.0], [length, 0.0]], [[length, width], [0.0, width]]
-    return np.vstack([ends[0], np.column_stack([x, y]), ends[1]])
-
-
-_MIN_SIDE = 3.2  # of an office room, metres
+    return np.vstack([[[0.0, 0.0], [length, 0.0]], np.column_stack([x, y]), [[length, width], [0.0, width]]])
 
 
 def office(seed: int | np.random.SeedSequence = 0) -> World:
@@ -190,7 +170,7 @@ def office(seed: int | np.random.SeedSequence = 0) -> World:
     every room and comes back.
     """
     rng = np.random.default_rng(seed)
-    length, width = rng.uniform(9.0, 14.0), rng.uniform(7.0, 11.0)
+    length, width = rng.uniform(*_OFFICE["length"]), rng.uniform(*_OFFICE["width"])
     rooms = _split(Room(0.0, 0.0, length, width), rng)
     links = _spanning_doors(rooms, rng)
     doors = [door for _, _, door in links]
@@ -207,14 +187,13 @@ def office(seed: int | np.random.SeedSequence = 0) -> World:
 
 
 def _split(whole: Room, rng: np.random.Generator) -> list[Room]:
-    """Return the rooms that random halving makes, each side at least `_MIN_SIDE`."""
+    """Return the rooms that random halving makes, none with a side that is too short."""
     length, width = whole.x1 - whole.x0, whole.y1 - whole.y0
-    is_long = length >= width
-    side = max(length, width)
-    if side < 2.0 * _MIN_SIDE or (side < 7.0 and rng.random() < 0.4):
+    side, least = max(length, width), _OFFICE["least_side"]
+    if side < 2.0 * least or (side < _OFFICE["large_side"] and rng.random() < _OFFICE["whole_share"]):
         return [whole]
-    cut = rng.uniform(_MIN_SIDE, side - _MIN_SIDE)
-    if is_long:
+    cut = rng.uniform(least, side - least)
+    if length >= width:
         halves = (whole._replace(x1=whole.x0 + cut), whole._replace(x0=whole.x0 + cut))
     else:
         halves = (whole._replace(y1=whole.y0 + cut), whole._replace(y0=whole.y0 + cut))
@@ -223,13 +202,13 @@ def _split(whole: Room, rng: np.random.Generator) -> list[Room]:
 
 def _spanning_doors(rooms: list[Room], rng: np.random.Generator) -> list[tuple[int, int, Door]]:
     """Return doors that join all rooms, and a few more: (room, room, door)."""
-    candidates = [wall for wall in shared_walls(rooms) if wall[5] - wall[4] > 1.9]
+    candidates = [wall for wall in shared_walls(rooms) if wall[5] - wall[4] > _OFFICE["least_wall"]]
     links: list[tuple[int, int, Door]] = []
     group = list(range(len(rooms)))
     for k in rng.permutation(len(candidates)):
         i, j, is_vertical, at, low, high = candidates[k]
-        is_extra = rng.random() < 0.3
-        width = rng.uniform(0.95, 1.3)
+        is_extra = rng.random() < _OFFICE["more_doors"]
+        width = rng.uniform(*_OFFICE["door"])
         along = rng.uniform(low + 0.5 * width + 0.25, high - 0.5 * width - 0.25)
         if group[i] == group[j] and not is_extra:
             continue
@@ -268,17 +247,15 @@ def _tour(places: Points, links: list[tuple[int, int, Door]]) -> Points:
 
 Seed = int | np.random.SeedSequence  # what decides a random world: the same seed, the same bits
 
-_PLACED = shipped_table(__package__, "worlds.toml")
-
 WORLDS: Mapping[str, Callable[[Seed], World]] = {
-    "room": lambda _: room(),
-    "corridor": lambda _: corridor(**_PLACED["corridor"], has_ends=True),
-    "bare-corridor": lambda _: corridor(),
-    "round-room": lambda _: round_room(),
-    "l-hall": lambda _: l_hall(),
-    "t-hall": lambda _: t_hall(),
-    "curved-hall": lambda _: curved_hall() + columns(_PLACED["curved-hall"]["columns"]),
-    "clutter": lambda seed: room(10.0, 8.0) + clutter((-4.5, -3.5, 4.5, 3.5), 18, seed),
+    "room": lambda _: simple.room(),
+    "corridor": lambda _: simple.corridor(**_TABLE["corridor"], has_ends=True),
+    "bare-corridor": lambda _: simple.corridor(),
+    "round-room": lambda _: simple.round_room(),
+    "l-hall": lambda _: simple.hall(_TABLE["l-hall"]["outline"], "l-hall"),
+    "t-hall": lambda _: simple.hall(_TABLE["t-hall"]["outline"], "t-hall"),
+    "curved-hall": lambda _: simple.curved_hall() + simple.columns(_TABLE["curved-hall"]["columns"]),
+    "clutter": lambda seed: simple.room(10.0, 8.0) + simple.clutter((-4.5, -3.5, 4.5, 3.5), 18, seed),
     "office": office,
     "building": building,
     "office-floor": lambda seed: replace(building(seed, visits_round_room=False), name="office-floor"),

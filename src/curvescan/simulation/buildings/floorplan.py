@@ -1,13 +1,12 @@
-"""Floor plans: rectangular rooms, the doors between them, the walls that follow from both, and furniture.
+"""Floor plans: rectangular rooms, the doors between them, the walls that follow from both, and furniture."""
 
-Furniture is as a laser at shin height sees it, of common dimensions (EN 527: desks 1.2 to 1.8 m by 0.7 to 0.8 m).
-"""
-
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from curvescan.configs import shipped_table
 from curvescan.simulation.buildings.world import World
 from curvescan.types import Bools, Floats
 
@@ -42,17 +41,17 @@ class Door(NamedTuple):
 def shared_walls(rooms: Sequence[Room]) -> list[tuple[int, int, bool, float, float, float]]:
     """Return (i, j, is_vertical, coordinate, low, high) for each stretch of wall two rooms share."""
     shared = []
-    for i, a in enumerate(rooms):
-        for j in range(i + 1, len(rooms)):
-            b = rooms[j]
-            y_low, y_high = max(a.y0, b.y0), min(a.y1, b.y1)
-            x_low, x_high = max(a.x0, b.x0), min(a.x1, b.x1)
-            for at_a, at_b in ((a.x1, b.x0), (a.x0, b.x1)):
-                if abs(at_a - at_b) < _SAME and y_high - y_low > _SAME:
-                    shared.append((i, j, True, at_a, y_low, y_high))
-            for at_a, at_b in ((a.y1, b.y0), (a.y0, b.y1)):
-                if abs(at_a - at_b) < _SAME and x_high - x_low > _SAME:
-                    shared.append((i, j, False, at_a, x_low, x_high))
+    for (i, a), (j, b) in itertools.combinations(enumerate(rooms), 2):
+        x_low, x_high = max(a.x0, b.x0), min(a.x1, b.x1)
+        y_low, y_high = max(a.y0, b.y0), min(a.y1, b.y1)
+        for is_vertical, at_a, at_b, low, high in (
+            (True, a.x1, b.x0, y_low, y_high),
+            (True, a.x0, b.x1, y_low, y_high),
+            (False, a.y1, b.y0, x_low, x_high),
+            (False, a.y0, b.y1, x_low, x_high),
+        ):
+            if abs(at_a - at_b) < _SAME and high - low > _SAME:
+                shared.append((i, j, is_vertical, at_a, low, high))
     return shared
 
 
@@ -74,9 +73,8 @@ def walls_of(rooms: Sequence[Room], doors: Sequence[Door]) -> World:
         )
         for low, high in _pieces(stretches, gaps):
             middle, length = 0.5 * (low + high), high - low
-            boxes.append(
-                [at, middle, WALL_THICKNESS, length, 0.0] if is_vertical else [middle, at, length, WALL_THICKNESS, 0.0]
-            )
+            box = (at, middle, WALL_THICKNESS, length) if is_vertical else (middle, at, length, WALL_THICKNESS)
+            boxes.append([*box, 0.0])
     return World(boxes=np.array(boxes))
 
 
@@ -93,12 +91,12 @@ def overlaps(rectangle: Floats, others: Floats, gap: float = 0.0) -> Bools:
 
 def door_zones(doors: Sequence[Door], depth: float = 0.95) -> Floats:
     """Return (n, 4) rectangles on both sides of each door that must stay clear of furniture."""
-    zones = np.empty((len(doors), 4))
-    for i, door in enumerate(doors):
-        along, across = 0.5 * door.width + 0.15, depth
-        dx, dy = (across, along) if door.is_vertical else (along, across)
-        zones[i] = [door.x - dx, door.y - dy, door.x + dx, door.y + dy]
-    return zones
+    zones = []
+    for door in doors:
+        along = 0.5 * door.width + 0.15
+        dx, dy = (depth, along) if door.is_vertical else (along, depth)
+        zones.append([door.x - dx, door.y - dy, door.x + dx, door.y + dy])
+    return np.array(zones).reshape(-1, 4)
 
 
 def _pieces(stretches: list[tuple[float, float]], gaps: list[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -122,34 +120,30 @@ def _pieces(stretches: list[tuple[float, float]], gaps: list[tuple[float, float]
 
 
 AISLE = 0.85  # metres kept free around things that stand in the middle of a room, so that a robot passes
-_SITTING = 0.5  # metres in front of a desk
+_MARGIN = 0.9  # metres kept free before things at walls
+
+_SIZES = shipped_table(__package__, "furniture.toml")
+_AT_WALLS, _CHAIR, _DESK, _ISLANDS = (_SIZES[name] for name in ("at_walls", "chair", "desk", "islands"))
 
 
 def chair(x: float, y: float, angle: float, *, has_castors: bool) -> World:
     """Return a chair: five castors and a column around (x, y), or four legs."""
-    n_feet, reach, radius = (5, 0.26, 0.03) if has_castors else (4, 0.25, 0.018)
+    n_feet, reach, radius = _CHAIR["castors" if has_castors else "legs"]
     feet = angle + 2.0 * np.pi * np.arange(n_feet) / n_feet
     circles = np.column_stack([x + reach * np.cos(feet), y + reach * np.sin(feet), np.full(n_feet, radius)])
-    if has_castors:
-        circles = np.vstack([circles, [x, y, 0.03]])
-    return World(circles=circles)
+    return World(circles=np.vstack([circles, [x, y, radius]]) if has_castors else circles)
 
 
 def desk(length: float, depth: float, *, has_panels: bool) -> World:
     """Return a desk around the origin, its back on the side of negative y: panels, or four legs."""
     half_length, half_depth = 0.5 * length, 0.5 * depth
     if has_panels:
-        return World(
-            boxes=np.array(
-                [
-                    [-half_length + 0.02, 0.0, 0.03, depth, 0.0],
-                    [half_length - 0.02, 0.0, 0.03, depth, 0.0],
-                    [0.0, -half_depth + 0.1, length - 0.1, 0.02, 0.0],
-                ]
-            )
-        )
-    x, y = half_length - 0.06, half_depth - 0.06
-    return World(circles=np.array([[-x, -y, 0.025], [x, -y, 0.025], [x, y, 0.025], [-x, y, 0.025]]))
+        (side, thickness), (back, thin) = _DESK["panel"], _DESK["back"]
+        sides = [[x, 0.0, thickness, depth, 0.0] for x in (-half_length + side, half_length - side)]
+        return World(boxes=np.array([*sides, [0.0, -half_depth + back, length - back, thin, 0.0]]))
+    inset, radius = _DESK["leg"]
+    x, y = half_length - inset, half_depth - inset
+    return World(circles=np.array([[-x, -y, radius], [x, -y, radius], [x, y, radius], [-x, y, radius]]))
 
 
 def furnish(
@@ -164,17 +158,19 @@ def furnish(
     furniture = World()
     taken = door_zones(doors)
     area = (room.x1 - room.x0) * (room.y1 - room.y0)
-    for _ in range(rng.poisson(0.6 * density * area)):
+    for _ in range(rng.poisson(_SIZES["density"]["at_walls"] * density * area)):
         kind = str(rng.choice(["desk", "cabinet", "cabinet", "bin"]))
-        length, depth = _footprint(kind, rng)
+        size = _AT_WALLS[kind]
+        length = rng.uniform(*size["length"])
+        depth = rng.uniform(*size["depth"]) + size["before"] if "depth" in size else length
         placed = _against_wall(room, length, depth, int(rng.choice(sides)), rng.random())
         if placed is None or overlaps(placed[1], taken, 0.04).any():
             continue
         pose, rectangle = placed
         furniture += _piece(kind, length, depth, rng).moved(pose)
         taken = np.vstack([taken, rectangle])
-    for _ in range(rng.poisson(0.2 * density * area)):
-        half = rng.uniform(0.25, 0.7)
+    for _ in range(rng.poisson(_SIZES["density"]["islands"] * density * area)):
+        half = rng.uniform(*_ISLANDS["half"])
         margin = half + AISLE + 0.5 * WALL_THICKNESS
         if min(room.x1 - room.x0, room.y1 - room.y0) <= 2.0 * margin:
             continue
@@ -187,44 +183,31 @@ def furnish(
     return furniture
 
 
-def _footprint(kind: str, rng: np.random.Generator) -> tuple[float, float]:
-    """Return the length and depth that a piece takes at a wall, metres; a desk with space to sit."""
-    if kind == "desk":
-        return rng.uniform(1.2, 1.8), rng.uniform(0.65, 0.8) + _SITTING
-    if kind == "cabinet":
-        return rng.uniform(0.6, 1.8), rng.uniform(0.3, 0.5)
-    diameter = rng.uniform(0.2, 0.4)
-    return diameter, diameter
-
-
 def _piece(kind: str, length: float, depth: float, rng: np.random.Generator) -> World:
     """Return a piece that fills its footprint around the origin, its back on the side of negative y."""
     if kind == "cabinet":
         return World(boxes=np.array([[0.0, 0.0, length, depth, 0.0]]))
     if kind == "bin":
         return World(circles=np.array([[0.0, 0.0, 0.5 * length]]))
-    table = desk(length, depth - _SITTING, has_panels=bool(rng.random() < 0.6))
-    seat = chair(
-        rng.uniform(-0.25, 0.25) * length,
-        0.5 * depth - 0.3,
-        rng.uniform(-np.pi, np.pi),
-        has_castors=bool(rng.random() < 0.7),
-    )
-    return table.moved([0.0, -0.5 * _SITTING, 0.0]) + seat
+    before = _AT_WALLS[kind]["before"]
+    table = desk(length, depth - before, has_panels=bool(rng.random() < _DESK["panels_share"]))
+    x, y, angle = rng.uniform(-0.25, 0.25) * length, 0.5 * depth - 0.3, rng.uniform(-np.pi, np.pi)
+    seat = chair(x, y, angle, has_castors=bool(rng.random() < _DESK["castors_share"]))
+    return table.moved([0.0, -0.5 * before, 0.0]) + seat
 
 
 def _island(half: float, rng: np.random.Generator) -> World:
     """Return a thing that stands in the middle of a room, within `half` of the origin."""
     kind = rng.choice(["table", "column", "crate"])
     if kind == "column" or half < 0.35:
-        return World(circles=np.array([[0.0, 0.0, min(0.22, half)]]))
+        return World(circles=np.array([[0.0, 0.0, min(_ISLANDS["column"], half)]]))
     if kind == "crate":
         side = half * np.sqrt(2.0)
-        return World(boxes=np.array([[0.0, 0.0, side, rng.uniform(0.5, 1.0) * side, 0.0]]))
-    table = World(circles=np.array([[0.0, 0.0, 0.06]]))
+        return World(boxes=np.array([[0.0, 0.0, side, rng.uniform(*_ISLANDS["crate"]) * side, 0.0]]))
+    table = World(circles=np.array([[0.0, 0.0, _ISLANDS["foot"]]]))
+    reach = half - _ISLANDS["inset"]
     for angle in np.pi * np.array([0.0, 0.5, 1.0, 1.5]):
-        if rng.random() < 0.75:
-            reach = half - 0.28
+        if rng.random() < _ISLANDS["chair_share"]:
             table += chair(reach * np.cos(angle), reach * np.sin(angle), rng.random(), has_castors=False)
     return table
 
@@ -233,13 +216,18 @@ def _against_wall(room: Room, length: float, depth: float, side: int, share: flo
     """Return the pose of furniture at a wall (bottom, right, top, left), a `share` along it, and its space, or None."""
     inset = 0.5 * WALL_THICKNESS + 0.03
     x0, y0, x1, y1 = room.x0 + inset, room.y0 + inset, room.x1 - inset, room.y1 - inset
-    space = (x1 - x0 if side % 2 == 0 else y1 - y0) - length
-    room_across = (y1 - y0 if side % 2 == 0 else x1 - x0) - depth
-    if space < 0.0 or room_across < 0.9 + depth:
+    is_level = side % 2 == 0
+    wall, room_across = (x1 - x0, y1 - y0) if is_level else (y1 - y0, x1 - x0)
+    space = wall - length
+    if space < 0.0 or room_across - depth < _MARGIN + depth:
         return None
     along, across = share * space + 0.5 * length, 0.5 * depth
-    x, y = [(x0 + along, y0 + across), (x1 - across, y0 + along), (x1 - along, y1 - across), (x0 + across, y1 - along)][
-        side
+    places = [
+        (x0 + along, y0 + across),
+        (x1 - across, y0 + along),
+        (x1 - along, y1 - across),
+        (x0 + across, y1 - along),
     ]
-    dx, dy = (0.5 * length, 0.5 * depth) if side % 2 == 0 else (0.5 * depth, 0.5 * length)
+    x, y = places[side]
+    dx, dy = (0.5 * length, 0.5 * depth) if is_level else (0.5 * depth, 0.5 * length)
     return np.array([x, y, 0.5 * np.pi * side]), np.array([x - dx, y - dy, x + dx, y + dy])

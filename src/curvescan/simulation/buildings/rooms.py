@@ -24,19 +24,6 @@ def hall(corners: ArrayLike, name: str = "hall") -> World:
     return World(name=name, walls=walls, floor=corners)
 
 
-def l_hall(length: float = 10.0, width: float = 3.0) -> World:
-    """Return an L-shaped hall: arms of `length` along x and y from the origin, `width` wide, metres."""
-    a, w = length, width
-    return hall(np.array([[0, 0], [a, 0], [a, w], [w, w], [w, a], [0, a]]), name="l-hall")
-
-
-def t_hall(length: float = 12.0, width: float = 3.0) -> World:
-    """Return a T-shaped hall: a bar of `length` along x on top of a stem of half that length, metres."""
-    half, w = 0.5 * length, 0.5 * width
-    corners = [[-w, -half], [w, -half], [w, -w], [half, -w], [half, w], [-half, w], [-half, -w]]
-    return hall(np.array([*corners, [-w, -w]]), name="t-hall")
-
-
 def corridor(
     length: float = 30.0,
     width: float = 2.0,
@@ -48,20 +35,15 @@ def corridor(
     """Return a corridor along x about the origin, recesses (n, 3), pillars (m, 3); bare it leaves x unobservable."""
     half, y = 0.5 * length, 0.5 * width
     niches = np.asarray(recesses, dtype=np.float64).reshape(-1, 3)
-    walls = np.vstack(
-        [
-            _line_with_niches(half, y, niches[niches[:, 2] > 0.0]),
-            _line_with_niches(half, -y, niches[niches[:, 2] < 0.0]),
-        ]
-    )
+    walls = [_line_with_niches(half, side, niches[niches[:, 2] * side > 0.0]) for side in (y, -y)]
     if has_ends:
-        walls = np.vstack([walls, [[-half, -y, -half, y], [half, -y, half, y]]])
+        walls.append(np.array([[-half, -y, -half, y], [half, -y, half, y]]))
     square = np.asarray(pillars, dtype=np.float64).reshape(-1, 3)
     boxes = np.column_stack([square[:, :2], square[:, 2], square[:, 2], np.zeros(len(square))])
     end = half - min(1.0, 0.25 * length)
     return World(
         name="corridor",
-        walls=walls,
+        walls=np.vstack(walls),
         boxes=boxes,
         floor=np.array([[-half, -y], [half, -y], [half, y], [-half, y]]),
         route=np.array([[-end, 0.0], [end, 0.0]]),

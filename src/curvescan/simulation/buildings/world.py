@@ -5,15 +5,16 @@ wall is a true arc, so that a ray meets it to float rounding. Frame: x, y in met
 counter-clockwise. Worlds are immutable; ``a + b`` puts the things of b into a.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import InvalidArgumentError, require
 from curvescan.types import Bools, Floats, Ints, Points
 
 _CHUNK = 2048  # points measured at once: keeps the (points, primitives) tables in the cache
@@ -56,8 +57,7 @@ class World:
     route: Points = field(default_factory=lambda: np.empty((0, 2)))
 
     def __repr__(self) -> str:
-        counts = {kind: len(getattr(self, kind)) for kind in ("walls", "boxes", "circles", "arcs")}
-        held = ", ".join(f"{n:,} {kind}" for kind, n in counts.items() if n)
+        held = ", ".join(f"{len(getattr(self, kind)):,} {kind}" for kind in _TO_NEAREST if len(getattr(self, kind)))
         return f"World({self.name!r}: {held or 'empty'})"
 
     def __post_init__(self) -> None:
@@ -70,27 +70,22 @@ class World:
             ("arc radii", self.arcs[:, 2]),
             ("arc extents", self.arcs[:, 4]),
         ):
-            if np.any(sizes <= 0.0):
-                raise InvalidArgumentError(f"{name} must be > 0, got {sizes.min()}")
-        if np.any(self.arcs[:, 4] > 2.0 * np.pi):
-            raise InvalidArgumentError(f"arc extents must be at most 2 pi, got {self.arcs[:, 4].max()}")
+            require(bool(np.all(sizes > 0.0)), f"{name} must be > 0", float(sizes.min(initial=np.inf)))
+        widest = float(self.arcs[:, 4].max(initial=0.0))
+        require(widest <= 2.0 * np.pi, "arc extents must be at most 2 pi", widest)
 
     def __add__(self, other: "World") -> "World":
         """Return the things of both worlds, with the name, floor and route of the first that has one."""
-        return replace(
-            self,
-            walls=np.vstack([self.walls, other.walls]),
-            boxes=np.vstack([self.boxes, other.boxes]),
-            circles=np.vstack([self.circles, other.circles]),
-            arcs=np.vstack([self.arcs, other.arcs]),
-            floor=self.floor if len(self.floor) else other.floor,
-            route=self.route if len(self.route) else other.route,
+        both: dict[str, Any] = {kind: np.vstack([getattr(self, kind), getattr(other, kind)]) for kind in _TO_NEAREST}
+        floor, route = (
+            mine if len(mine) else its for mine, its in ((self.floor, other.floor), (self.route, other.route))
         )
+        return replace(self, floor=floor, route=route, **both)
 
     def moved(self, pose: ArrayLike) -> "World":
         """Return the world turned and shifted: `pose` is (3,), the old world frame seen in the new one."""
         x, y, theta = np.asarray(pose, dtype=np.float64)
-        pose = np.array([x, y, theta])
+        pose = np.array([x, y, theta])  # of three numbers, or an error
         boxes, circles, arcs = self.boxes.copy(), self.circles.copy(), self.arcs.copy()
         for things in (boxes, circles, arcs):
             things[:, :2] = se2.transform(pose, things[:, :2])
@@ -145,13 +140,8 @@ class World:
         for start in range(0, len(points), _CHUNK):
             chunk = points[start : start + _CHUNK, np.newaxis]
             part = distances[start : start + _CHUNK]
-            for primitives, to_nearest in (
-                (self.walls, _to_walls),
-                (self.boxes, _to_boxes),
-                (self.circles, _to_circles),
-                (self.arcs, _to_arcs),
-            ):
-                if len(primitives):
+            for kind, to_nearest in _TO_NEAREST.items():
+                if len(primitives := getattr(self, kind)):
                     np.minimum(part, to_nearest(chunk, primitives), out=part)
         return distances
 
@@ -173,21 +163,12 @@ class World:
         straddles = (y0 > y) != (y1 > y)
         rise = np.where(y1 == y0, 1.0, y1 - y0)
         is_left = x < x0 + (y - y0) * (x1 - x0) / rise
-        n_crossed = np.count_nonzero(straddles & is_left, axis=1)
-        return cast(Bools, n_crossed % 2 == 1)
+        return cast(Bools, np.count_nonzero(straddles & is_left, axis=1) % 2 == 1)
 
 
 def full_circles(circles: Floats) -> Floats:
     """Return (m, 3) circles [x, y, r] as (m, 6) rows of :attr:`World.curves`."""
-    rows = np.zeros((len(circles), 6))
-    rows[:, :3] = circles
-    rows[:, 3] = 1.0
-    rows[:, 5] = -1.0
-    return rows
-
-
-def _norm(vectors: Floats) -> Floats:
-    return cast(Floats, np.hypot(vectors[..., 0], vectors[..., 1]))
+    return np.hstack([circles, np.tile([1.0, 0.0, -1.0], (len(circles), 1))])
 
 
 def _picked(x: Floats, y: Floats, nearest: Ints) -> Floats:
@@ -226,20 +207,28 @@ def _to_circles(points: Floats, circles: Floats) -> Floats:
 def _to_arcs(points: Floats, arcs: Floats) -> Floats:
     offset = points - arcs[:, :2]
     turned = np.remainder(np.arctan2(offset[..., 1], offset[..., 0]) - arcs[:, 3], 2.0 * np.pi)
-    distance = np.abs(_norm(offset) - arcs[:, 2])
+    distance = np.abs(np.hypot(offset[..., 0], offset[..., 1]) - arcs[:, 2])
     ends = np.full(distance.shape, np.inf)
     for angle in (arcs[:, 3], arcs[:, 3] + arcs[:, 4]):
-        end = arcs[:, 2:3] * np.column_stack([np.cos(angle), np.sin(angle)])
-        ends = np.minimum(ends, _norm(offset - end))
+        off = offset - arcs[:, 2:3] * np.column_stack([np.cos(angle), np.sin(angle)])
+        ends = np.minimum(ends, np.hypot(off[..., 0], off[..., 1]))
     return cast(Floats, np.where(turned <= arcs[:, 4], distance, ends).min(axis=1))
+
+
+_TO_NEAREST: dict[str, Callable[[Floats, Floats], Floats]] = {
+    "walls": _to_walls,
+    "boxes": _to_boxes,
+    "circles": _to_circles,
+    "arcs": _to_arcs,
+}
+"""What a world is made of, in the order of World.n_primitives, and how far (n, 1, 2) points are from the nearest."""
 
 
 def _read_only_rows(values: ArrayLike, name: str, width: int) -> Floats:
     rows = np.array(values, dtype=np.float64, order="C")
     if rows.size == 0:
         rows = rows.reshape(0, width)
-    if rows.ndim != 2 or rows.shape[1] != width:
-        raise InvalidArgumentError(f"{name} must have shape (n, {width}), got {rows.shape}")
+    require(rows.ndim == 2 and rows.shape[1] == width, f"{name} must have shape (n, {width})", rows.shape)
     if not np.all(np.isfinite(rows)):
         raise InvalidArgumentError(f"{name} must be finite numbers")
     rows.setflags(write=False)

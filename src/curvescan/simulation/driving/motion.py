@@ -55,14 +55,16 @@ class Grid:
         n_rows, n_columns = is_open.shape
         weights, opens = weight.ravel().tolist(), is_open.ravel().tolist()
         start_id, goal_id = first[0] * n_columns + first[1], last[0] * n_columns + last[1]
-        cost = {start_id: 0.0}
+        cost, queue = {start_id: 0.0}, [(0.0, start_id)]
         parent: dict[int, int] = {}
         done: set[int] = set()
-        queue = [(0.0, start_id)]
         while queue:
             _, here = heapq.heappop(queue)
             if here == goal_id:
-                return self._centres(_trace(parent, here, n_columns))
+                cells = [here]
+                while cells[-1] in parent:
+                    cells.append(parent[cells[-1]])
+                return self._centres([divmod(cell, n_columns) for cell in reversed(cells)])
             if here in done:
                 continue
             done.add(here)
@@ -74,8 +76,7 @@ class Grid:
                     continue
                 whole = cost[here] + length * weights[there]
                 if whole < cost.get(there, np.inf):
-                    cost[there] = whole
-                    parent[there] = here
+                    cost[there], parent[there] = whole, here
                     ahead = np.hypot(r - last[0], c - last[1])
                     heapq.heappush(queue, (whole + float(ahead), there))
         return None
@@ -95,14 +96,6 @@ def grid_of(world: World) -> Grid:
     return Grid(world)
 
 
-def _trace(parent: dict[int, int], here: int, n_columns: int) -> list[tuple[int, int]]:
-    cells = [divmod(here, n_columns)]
-    while here in parent:
-        here = parent[here]
-        cells.append(divmod(here, n_columns))
-    return cells[::-1]
-
-
 _STEP = 0.05  # seconds between two control steps, at most
 _HOME_RADIUS = 1.0  # metres: how far the small moves about a start lead
 _NEAR_ROUTE = 2.0  # metres: by so much a drive about a start may lie beside the corners of the route
@@ -111,10 +104,9 @@ _NEAR_ROUTE = 2.0  # metres: by so much a drive about a start may lie beside the
 def drive_route(
     world: World, drive: Drive, period: float, rng: np.random.Generator, n_poses: int | None = None
 ) -> Pose:
-    """Return the poses of a drive round the world's route, or to random places in a world without one.
+    """Return the (n, 3) poses of a drive round the world's route, or to random places in a world without one.
 
-    n_poses: How many poses, over as many laps as it takes; fewer poses are the first of more. None: one lap of the
-    route; result (n, 3). Raises InvalidArgumentError.
+    n_poses: how many, over as many laps as it takes; fewer are the first of more. None: one lap of the route.
     """
     if len(world.route) > 1:
         lap = _lap(world, drive)
@@ -122,8 +114,7 @@ def drive_route(
     elif n_poses is None:
         raise InvalidArgumentError(f"{world.name!r} has no route to make a lap of: give n_scans")
     else:
-        start = _roomiest(world, rng)
-        legs = _wander(world, drive, rng, start, np.inf)
+        legs = _wander(world, drive, rng, _roomiest(world, rng), np.inf)
     poses: list[Floats] = []
     n_steps, step = _steps(period)
     state, n_states = None, 0
@@ -133,10 +124,10 @@ def drive_route(
             if n_states % n_steps == 0:
                 poses.append(after[:3])
                 if len(poses) == n_poses:
-                    return _as_poses(poses)
+                    return np.array(poses)
             n_states += 1
             state = after
-    return _as_poses(poses)
+    return np.array(poses).reshape(-1, 3)
 
 
 def drive_home(world: World, drive: Drive, period: float, rng: np.random.Generator, n_poses: int) -> Pose:
@@ -147,11 +138,10 @@ def drive_home(world: World, drive: Drive, period: float, rng: np.random.Generat
     n_steps, step = _steps(period)
     start = _roomiest(world, rng)
     states: list[Floats] = []
-    wander = _wander(world, drive, rng, start, _HOME_RADIUS)
     # twice the time for a straight way home and a turn on the spot
     margin = int(2.0 * (2.0 * _HOME_RADIUS / drive.speed + np.pi / drive.turn_rate + 2.0) / step)
     n_states = (n_poses - 1) * n_steps + 1
-    for leg in wander:
+    for leg in _wander(world, drive, rng, start, _HOME_RADIUS):
         state = states[-1] if states else at_start(leg)
         states += follow(leg, state, drive, step)
         if len(states) > n_states - margin:
@@ -163,7 +153,7 @@ def drive_home(world: World, drive: Drive, period: float, rng: np.random.Generat
     states = states[:n_states]
     rest = states[-1] * [1.0, 1.0, 1.0, 0.0, 0.0]
     states += [rest] * (n_states - len(states))
-    return _as_poses([state[:3] for state in states[::n_steps]])
+    return np.array(states[::n_steps])[:, :3]
 
 
 def _lap(world: World, drive: Drive) -> Points:
@@ -214,7 +204,3 @@ def _roomiest(world: World, rng: np.random.Generator) -> Floats:
 def _steps(period: float) -> tuple[int, float]:
     n_steps = max(math.ceil(period / _STEP - 1e-9), 1)
     return n_steps, period / n_steps
-
-
-def _as_poses(rows: list[Floats]) -> Pose:
-    return np.array(rows).reshape(-1, 3)

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import require
 from curvescan.types import Floats, Points, Pose
 
 _SPACING = 0.05  # metres between points of a line
@@ -37,11 +37,9 @@ class Drive:
     clearance: float = 0.4
 
     def __post_init__(self) -> None:
-        if self.path not in ("route", "home"):
-            raise InvalidArgumentError(f"path must be 'route' or 'home', got {self.path!r}")
-        for one in fields(self)[1:]:
-            if not getattr(self, one.name) > 0.0:
-                raise InvalidArgumentError(f"{one.name} must be > 0, got {getattr(self, one.name)}")
+        require(self.path in ("route", "home"), "path must be 'route' or 'home'", self.path)
+        for name in ("speed", "turn_rate", "acceleration", "clearance"):
+            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
 
 def smooth(walk: Points) -> Points:
@@ -50,8 +48,7 @@ def smooth(walk: Points) -> Points:
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     at = np.linspace(0.0, along[-1], max(int(along[-1] / _SPACING), 2))
     line = np.column_stack([np.interp(at, along, walk[:, 0]), np.interp(at, along, walk[:, 1])])
-    ends = ((_SMOOTHING, _SMOOTHING), (0, 0))
-    padded = np.pad(line, ends, mode="reflect", reflect_type="odd")
+    padded = np.pad(line, ((_SMOOTHING, _SMOOTHING), (0, 0)), mode="reflect", reflect_type="odd")
     box = np.ones(2 * _SMOOTHING + 1) / (2 * _SMOOTHING + 1)
     return np.column_stack([np.convolve(padded[:, k], box, mode="valid") for k in (0, 1)])
 
@@ -126,8 +123,7 @@ class OdometryNoise:
 
     def __post_init__(self) -> None:
         for one in fields(self):
-            if not getattr(self, one.name) >= 0.0:
-                raise InvalidArgumentError(f"{one.name} must be >= 0, got {getattr(self, one.name)}")
+            require(getattr(self, one.name) >= 0.0, f"{one.name} must be >= 0", getattr(self, one.name))
 
 
 def wheel_odometry(poses: Pose, noise: OdometryNoise, rng: np.random.Generator) -> Pose:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import require
 from curvescan.simulation.buildings.world import World
 from curvescan.simulation.sensing.sensors import Sensor, cast_beams
-from curvescan.types import Bools, Floats, Points, Pose
+from curvescan.types import Floats, Points, Pose
 
 WORLD, PATH, NOISE, PEOPLE, ODOMETRY, PAIR = range(6)
 """The purposes. Their numbers are part of the simulated data: never renumber, only add."""
@@ -21,8 +21,8 @@ def child(seed: int | np.random.SeedSequence, *key: int) -> np.random.SeedSequen
     """Return the seed of one purpose (and index): a function of the root seed and the key alone."""
     if isinstance(seed, np.random.SeedSequence):
         return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *key))
-    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
-        raise InvalidArgumentError(f"seed must be an integer >= 0, got {seed!r}")
+    is_seed = isinstance(seed, int | np.integer) and not isinstance(seed, bool) and seed >= 0
+    require(is_seed, "seed must be an integer >= 0", seed)
     return np.random.SeedSequence(int(seed), spawn_key=key)
 
 
@@ -48,12 +48,9 @@ class People:
     speed_max: float = 1.5
 
     def __post_init__(self) -> None:
-        if not (self.leg_radius > 0.0 and self.hip_width > 0.0):
-            raise InvalidArgumentError(f"leg_radius and hip_width must be > 0, got {self}")
-        if self.body_radius is not None and not self.body_radius > 0.0:
-            raise InvalidArgumentError(f"body_radius must be > 0, got {self.body_radius}")
-        if not 0.0 < self.speed_min <= self.speed_max:
-            raise InvalidArgumentError(f"speeds must satisfy 0 < min <= max, got {self}")
+        require(self.leg_radius > 0.0 and self.hip_width > 0.0, "leg_radius and hip_width must be > 0", self)
+        require(self.body_radius is None or self.body_radius > 0.0, "body_radius must be > 0", self.body_radius)
+        require(0.0 < self.speed_min <= self.speed_max, "speeds must satisfy 0 < min <= max", self)
 
 
 def circles_of(places: Points, headings: Floats, phases: Floats, people: People) -> Floats:
@@ -76,8 +73,7 @@ def walk(
     n_steps = max(int(np.ceil(period / 0.1)), 1)
     step = period / n_steps
     speeds = rng.uniform(people.speed_min, people.speed_max, n_people)
-    headings = rng.uniform(-np.pi, np.pi, n_people)
-    phases = rng.uniform(-np.pi, np.pi, n_people)
+    headings, phases = rng.uniform(-np.pi, np.pi, (2, n_people))
     places = np.full((n_people, 2), np.inf)
     frames = []
     for pose in robot:
@@ -88,7 +84,8 @@ def walk(
             ahead = np.column_stack([np.cos(headings), np.sin(headings)])
             moved = places + (speeds * step)[:, np.newaxis] * ahead
             nearer = (_gap(moved, at) < _KEEP_OFF) & (_gap(moved, at) < _gap(places, at))
-            is_blocked = nearer | ~_is_free(world, moved)
+            is_blocked = nearer | ~np.isfinite(moved).all(axis=1)  # those who are nowhere yet
+            is_blocked[~is_blocked] = ~world.is_free(moved[~is_blocked], _BODY)
             places = np.where(is_blocked[:, np.newaxis], places, moved)
             headings = np.where(is_blocked, headings + turns, headings)
             phases = phases + np.where(is_blocked, 0.0, np.pi * speeds * step / _STEP_LENGTH)
@@ -96,19 +93,12 @@ def walk(
         for i in np.flatnonzero((gap < _TOO_NEAR) | ~(gap < _TOO_FAR)):
             places[i] = _elsewhere(world, at, rng)
         frames.append(circles_of(places, headings, phases, people))
-    n_circles = n_people * (1 if people.body_radius is not None else 2)
+    n_circles = n_people if people.body_radius is not None else 2 * n_people
     return np.array(frames).reshape(len(robot), n_circles, 3)
 
 
 def _gap(places: Points, at: Floats) -> Floats:
     return np.asarray(np.hypot(places[:, 0] - at[0], places[:, 1] - at[1]))
-
-
-def _is_free(world: World, places: Points) -> Bools:
-    is_free = np.zeros(len(places), dtype=bool)
-    is_somewhere = np.isfinite(places).all(axis=1)
-    is_free[is_somewhere] = world.is_free(places[is_somewhere], _BODY)
-    return is_free
 
 
 def _elsewhere(world: World, at: Floats, rng: np.random.Generator) -> Floats:

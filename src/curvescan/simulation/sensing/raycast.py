@@ -30,12 +30,9 @@ def cast_rays(
     x, y, theta = np.asarray(pose, dtype=np.float64)
     if angle_increment == 0.0:
         raise InvalidArgumentError("angle_increment must not be 0")
-    segments, curves = world.segments, world.curves
-    if people is not None and np.size(people):
-        curves = np.vstack([curves, full_circles(np.asarray(people, dtype=np.float64))])
+    segments, curves = _primitives(world, people)
     heading = theta + angle_min
-    bearings = [_segment_bearings(segments, x, y, range_max), _curve_bearings(curves, x, y, range_max)]
-    start, span = np.hstack(bearings)
+    start, span = _bearings(segments, curves, x, y, range_max)
     primitive_idx, first, last = _beam_intervals(start - heading, span, angle_increment, n_beams)
     angles = heading + angle_increment * np.arange(n_beams)
     directions = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -47,12 +44,10 @@ def cast_sweep(
     world: World, poses: Pose, angles: Floats, *, range_max: float = np.inf, people: ArrayLike | None = None
 ) -> tuple[Floats, Ints]:
     """Return the exact ranges, and hits, of a sweep on the move, (n, 3) poses: each beam is tested with everything."""
-    segments, curves = world.segments, world.curves
-    if people is not None and np.size(people):
-        curves = np.vstack([curves, full_circles(np.asarray(people, dtype=np.float64))])
+    segments, curves = _primitives(world, people)
     x, y = (float(value) for value in poses[len(poses) // 2, :2])
     reach = range_max + float(np.max(np.hypot(poses[:, 0] - x, poses[:, 1] - y)))
-    _, span = np.hstack([_segment_bearings(segments, x, y, reach), _curve_bearings(curves, x, y, reach)])
+    _, span = _bearings(segments, curves, x, y, reach)
     near = np.flatnonzero(span >= 0.0)
     bearings = poses[:, 2] + angles
     directions = np.column_stack([np.cos(bearings), np.sin(bearings)])
@@ -61,27 +56,33 @@ def cast_sweep(
     return _cast(segments, curves, origins, directions, near, first, last, range_max)
 
 
-def _segment_bearings(segments: Floats, x: float, y: float, range_max: float) -> Floats:
-    """Return (2, n): each segment's clockwise end and angle, radians; negative out of range, 2 pi at the sensor."""
+def _primitives(world: World, people: ArrayLike | None) -> tuple[Floats, Floats]:
+    """Return the segments and curves of a world, people among the curves."""
+    if people is None or not np.size(people):
+        return world.segments, world.curves
+    return world.segments, np.vstack([world.curves, full_circles(np.asarray(people, dtype=np.float64))])
+
+
+def _bearings(segments: Floats, curves: Floats, x: float, y: float, range_max: float) -> Floats:
+    """Return (2, n) clockwise end and angle of each segment, then of each whole circle, as seen from a place, radians.
+
+    The angle is negative where it is out of range, and 2 pi where the place lies on a segment or in a circle.
+    """
     x0, y0, x1, y1 = (segments - np.array([x, y, x, y])).T
     start = np.arctan2(y0, x0)
     turn = np.arctan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1)
     span = np.abs(turn)
     span[span > np.pi - 1e-6] = 2.0 * np.pi
-    out_of_sight = np.hypot(x0 + x1, y0 + y1) - np.hypot(x1 - x0, y1 - y0) > 2.0 * range_max + 1e-6
-    span[out_of_sight] = -1.0
-    return np.vstack([np.where(turn < 0.0, start + turn, start), span])
+    span[np.hypot(x0 + x1, y0 + y1) - np.hypot(x1 - x0, y1 - y0) > 2.0 * range_max + 1e-6] = -1.0
+    start = np.where(turn < 0.0, start + turn, start)
 
-
-def _curve_bearings(curves: Floats, x: float, y: float, range_max: float) -> Floats:
-    """Return (2, n) as for segments, of whole circles."""
     dx, dy, radius = curves[:, 0] - x, curves[:, 1] - y, curves[:, 2]
     distance = np.hypot(dx, dy)
     is_inside = distance <= radius * (1.0 + 1e-9)
     half = np.arcsin(radius / np.where(is_inside, radius, distance))
-    span = np.where(is_inside, 2.0 * np.pi, 2.0 * half)
-    span[distance - radius > range_max + 1e-6] = -1.0
-    return np.vstack([np.arctan2(dy, dx) - half, span])
+    span_curves = np.where(is_inside, 2.0 * np.pi, 2.0 * half)
+    span_curves[distance - radius > range_max + 1e-6] = -1.0
+    return np.array([np.append(start, np.arctan2(dy, dx) - half), np.append(span, span_curves)])
 
 
 def _beam_intervals(start: Floats, span: Floats, step: float, n_beams: int) -> tuple[Ints, Ints, Ints]:

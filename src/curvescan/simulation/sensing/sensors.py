@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan.configs import look_up, shipped_table
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import require
 from curvescan.simulation.buildings.world import World
 from curvescan.types import Floats, Ints, Pose
 
@@ -30,6 +30,7 @@ class Sensor:
     time_increment: float = 0.0
 
     def __post_init__(self) -> None:
+        sweep = self.n_beams * self.time_increment
         rules = {
             "n_beams must be >= 1": self.n_beams >= 1,
             "angle_increment must not be 0": self.angle_increment != 0.0,
@@ -39,27 +40,22 @@ class Sensor:
             "dropout must lie in [0, 1]": 0.0 <= self.dropout <= 1.0,
             "period must be > 0": self.period > 0.0,
             "time_increment must be >= 0, and n_beams of it at most a period": 0.0
-            <= self.n_beams * self.time_increment
+            <= sweep
             <= self.period * (1.0 + 1e-9),
         }
         for rule, holds in rules.items():
-            if not holds:
-                raise InvalidArgumentError(f"{rule}, got {self}")
+            require(holds, rule, self)
 
 
-def _read() -> dict[str, Sensor]:
-    return {
-        name: Sensor(
-            name=name,
-            angle_min=math.radians(row.pop("angle_min_deg")),
-            angle_increment=math.radians(row.pop("angle_increment_deg")),
-            **row,
-        )
-        for name, row in shipped_table(__package__, "sensors.toml").items()
-    }
-
-
-SENSORS: Mapping[str, Sensor] = _read()
+SENSORS: Mapping[str, Sensor] = {
+    name: Sensor(
+        name=name,
+        angle_min=math.radians(row.pop("angle_min_deg")),
+        angle_increment=math.radians(row.pop("angle_increment_deg")),
+        **row,
+    )
+    for name, row in shipped_table(__package__, "sensors.toml").items()
+}
 """Name -> sensor, as sensors.toml has them."""
 
 

@@ -24,7 +24,6 @@ from curvescan.slam.editing.graph import solved, with_edge, without
 from curvescan.slam.jobs import Problem
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Bools
 
 _VERSION = 1
 _KINDS = ("drop", "add", "pin", "forbid")
@@ -73,43 +72,32 @@ def edited(slam_map: SlamMap, edits: Sequence[Edit], config: SlamConfig | None =
     """
     if not edits:
         return slam_map
-    graph = Problem.of_map(slam_map)
+    graph = Problem.of(slam_map)
     for edit in edits:
         graph = _applied(graph, edit)
     return solved(slam_map, graph, config or SlamConfig())
 
 
 def _applied(graph: Problem, edit: Edit) -> Problem:
-    n = len(graph.poses)
-    for row in (edit.i, edit.j):
-        if not 0 <= row < n:
-            raise InvalidArgumentError(f"the map has keyframes 0 to {n - 1}, got {row}")
+    n, i, j = len(graph.poses), edit.i, edit.j
+    if not (0 <= i < n and 0 <= j < n):
+        raise InvalidArgumentError(f"the map has keyframes 0 to {n - 1}, got {j if 0 <= i < n else i}")
     if edit.do == "pin":
-        pose = graph.poses[edit.i] if edit.pose is None else np.array(edit.pose)
-        if edit.i == 0:
+        if i == 0:
             raise InvalidArgumentError("keyframe 0 holds the frame of the map: it is pinned already")
-        return with_edge(graph, 0, edit.i, se2.between(graph.poses[0], pose), _PINNED)
+        pose = graph.poses[i] if edit.pose is None else np.array(edit.pose)
+        return with_edge(graph, 0, i, se2.between(graph.poses[0], pose), _PINNED)
     if edit.do == "add":
-        assert edit.pose is not None
-        assert edit.covariance is not None
-        if edit.i == edit.j:
-            raise InvalidArgumentError(f"a closure joins two keyframes, got {edit.i} twice")
-        return with_edge(graph, edit.i, edit.j, np.array(edit.pose), np.reshape(edit.covariance, (3, 3)))
-    gone = _between(graph, edit.i, edit.j) if edit.do == "drop" else _touching(graph, edit.i, edit.j)
-    if edit.do == "drop" and not gone.any():
-        raise InvalidArgumentError(f"there is no closure between keyframes {edit.i} and {edit.j}")
+        if i == j:
+            raise InvalidArgumentError(f"a closure joins two keyframes, got {i} twice")
+        return with_edge(graph, i, j, np.array(edit.pose), np.reshape(edit.covariance or (), (3, 3)))
+    is_closure = graph.kinds == EdgeKind.CLOSURE
+    if edit.do == "forbid":
+        return without(graph, is_closure & ((graph.ends >= min(i, j)) & (graph.ends <= max(i, j))).any(axis=1))
+    gone = is_closure & (np.sort(graph.ends, axis=1) == sorted((i, j))).all(axis=1)
+    if not gone.any():
+        raise InvalidArgumentError(f"there is no closure between keyframes {i} and {j}")
     return without(graph, gone)
-
-
-def _between(graph: Problem, i: int, j: int) -> Bools:
-    is_one = (graph.ends == (i, j)).all(axis=1) | (graph.ends == (j, i)).all(axis=1)
-    return np.asarray(is_one & (graph.kinds == EdgeKind.CLOSURE))
-
-
-def _touching(graph: Problem, i: int, j: int) -> Bools:
-    low, high = min(i, j), max(i, j)
-    is_in = ((graph.ends >= low) & (graph.ends <= high)).any(axis=1)
-    return np.asarray(is_in & (graph.kinds == EdgeKind.CLOSURE))
 
 
 def ask_match(slam_map: SlamMap, i: int, j: int, config: SlamConfig | None = None) -> tuple[MatchResult, Edit | None]:
@@ -119,10 +107,10 @@ def ask_match(slam_map: SlamMap, i: int, j: int, config: SlamConfig | None = Non
     result = match(slam_map.scans[i], slam_map.scans[j])
     if not result.ok:
         return result, None
-    found = as_measurement(result)
-    covariance = (config or SlamConfig()).noise.edge(found.cov)
-    pose, cov = tuple(result.pose.tolist()), tuple(covariance.ravel().tolist())
-    return result, Edit(do="add", i=i, j=j, pose=pose, covariance=cov)
+    covariance = (config or SlamConfig()).noise.edge(as_measurement(result).cov)
+    return result, Edit(
+        do="add", i=i, j=j, pose=tuple(result.pose.tolist()), covariance=tuple(covariance.ravel().tolist())
+    )
 
 
 def added(slam_map: SlamMap, i: int, j: int) -> Edit:
@@ -148,8 +136,7 @@ def edit_of(values: Mapping[str, Any]) -> Edit:
 
 def plain_edit(edit: Edit) -> dict[str, Any]:
     """Return an edit as plain values."""
-    values = {"do": edit.do, "i": edit.i, "j": edit.j, "pose": edit.pose, "covariance": edit.covariance}
-    return {key: value for key, value in values.items() if value is not None}
+    return {key: value for key, value in vars(edit).items() if value is not None}
 
 
 def edits_text(edits: Sequence[Edit]) -> str:

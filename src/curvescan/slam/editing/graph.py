@@ -50,4 +50,4 @@ def solved(slam_map: SlamMap, graph: Problem, config: SlamConfig) -> SlamMap:
         weights=optimum.weights,
         grid=None,
     )
-    return replace(new, covariances=covariances_seen_from(Problem.of_map(new), config.noise))
+    return replace(new, covariances=covariances_seen_from(Problem.of(new), config.noise))

@@ -29,7 +29,7 @@ most."""
 _AGREES_M, _AGREES_RAD = 0.5, 0.1
 """Two matches agree when they put the one map in the other within this: maps bend by as much over tens of metres."""
 
-_LEAST, _MARGIN = 5, 3.0
+_LEAST, _MARGIN = 5, 3
 """Keyframes whose matches must agree, and how many times as many as agree on any other place."""
 
 
@@ -40,15 +40,17 @@ def merged(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> Sl
     """
     config = config or SlamConfig()
     pairs, measured, covariances = _matches(one, other, config)
-    chosen = _agreed(one, other, pairs, measured)
-    places = _places(one, other, pairs[chosen], measured[chosen])
-    place = places[np.argmax([_near(places, k).sum() for k in range(len(places))])]
-    placed = replace(other, poses=se2.compose(place, other.poses))
+    # where each match puts the other map
+    there = se2.compose(one.poses[pairs[:, 0]], measured)
+    places = se2.compose(there, se2.inverse(other.poses[pairs[:, 1]]))
+    chosen = _agreed(places, pairs[:, 1])
+    near = [int(_is_same(places[k], places[chosen]).sum()) for k in np.flatnonzero(chosen).tolist()]
+    placed = replace(other, poses=se2.compose(places[chosen][int(np.argmax(near))], other.poses))
     while True:
         both = _joined(one, placed, pairs[chosen], measured[chosen], covariances[chosen], config)
         # where maps bend, farther matches agree once nearer ones have joined them
         i, j = pairs[:, 0], pairs[:, 1] + len(one)
-        agrees = chosen | _are_near(se2.between(measured, se2.between(both.poses[i], both.poses[j])))
+        agrees = chosen | _is_same(measured, se2.between(both.poses[i], both.poses[j]))
         if (agrees == chosen).all():
             return both
         chosen = agrees
@@ -68,24 +70,18 @@ def _joined(one: SlamMap, other: SlamMap, pairs: Ints, measured: Pose, covarianc
         kinds=np.concatenate([one.kinds, other.kinds, np.full(len(pairs), EdgeKind.CLOSURE)]),
         weights=np.concatenate([one.weights, other.weights, np.ones(len(pairs))]),
     )
-    return solved(both, Problem.of_map(both), config)
+    return solved(both, Problem.of(both), config)
 
 
 def in_one_frame(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> tuple[SlamMap, SlamMap]:
-    """Return two maps in the frame of the first, bent to lie on each other as :func:`merged` has them.
-
-    Raises InvalidArgumentError where nothing joins them.
-    """
+    """Return two maps in the frame of the first, bent to lie on each other as :func:`merged` has them."""
     both = merged(one, other, config)
     rows = np.arange(len(both))
     return part_of(both, rows[: len(one)]), part_of(both, rows[len(one) :])
 
 
 def laid_on(one: OccupancyGrid, other: OccupancyGrid) -> OccupancyGrid:
-    """Return a plain map in the frame of another, by matches of what a laser would see in them.
-
-    Raises InvalidArgumentError where nothing joins them.
-    """
+    """Return a plain map in the frame of another, by matches of what a laser would see in them."""
     seen, other_seen = (map_of_grid(grid) for grid in (one, other))
     first = merged(seen, other_seen).poses[len(seen)]
     return moved(other, se2.compose(first, se2.inverse(other_seen.poses[0])))
@@ -105,39 +101,25 @@ def _matches(one: SlamMap, other: SlamMap, config: SlamConfig) -> tuple[Ints, Po
                 pairs.append((i, j))
                 poses.append(result.pose)
                 covariances.append(config.noise.edge(as_measurement(result).cov))
-    shape = len(pairs)
-    return (
-        np.array(pairs, dtype=np.int64).reshape(-1, 2),
-        np.reshape(poses, (shape, 3)),
-        np.reshape(covariances, (shape, 3, 3)),
-    )
+    n = len(pairs)
+    return np.array(pairs, dtype=np.int64).reshape(n, 2), np.reshape(poses, (n, 3)), np.reshape(covariances, (n, 3, 3))
 
 
-def _agreed(one: SlamMap, other: SlamMap, pairs: Ints, measured: Pose) -> Bools:
-    """Return (k,) which matches agree on how the maps lie to each other, or refuse."""
-    places = _places(one, other, pairs, measured)
-    support = [len(set(pairs[_near(places, k), 1].tolist())) for k in range(len(places))]
-    best = int(np.argmax(support)) if support else 0
-    near = _near(places, best) if support else np.zeros(0, dtype=np.bool_)
-    rival = max((n for k, n in enumerate(support) if not near[k]), default=0)
-    most = support[best] if support else 0
+def _agreed(places: Pose, views: Ints) -> Bools:
+    """Return (k,) which matches of views (k,) agree on where they put a map (k, 3), or refuse."""
+    near = np.array([_is_same(place, places) for place in places], dtype=np.bool_).reshape(len(places), len(places))
+    support = np.array([len(np.unique(views[row])) for row in near], dtype=np.int64)
+    best = near[np.argmax(support)] if len(support) else np.zeros(0, dtype=np.bool_)
+    most, rival = support.max(initial=0), support[~best].max(initial=0)
     if most < _LEAST or most < _MARGIN * rival:
         raise InvalidArgumentError(
             f"nothing joins the two maps: {most} keyframes match without a guess and agree on how they lie, "
-            f"{rival} on another place; {_LEAST} are needed, and {_MARGIN:g} times as many as on any other"
+            f"{rival} on another place; {_LEAST} are needed, and {_MARGIN} times as many as on any other"
         )
-    return near
+    return best
 
 
-def _places(one: SlamMap, other: SlamMap, pairs: Ints, measured: Pose) -> Pose:
-    """Return (k, 3) pose of the other map in the first one, by each match."""
-    there = se2.compose(one.poses[pairs[:, 0]], measured)
-    return se2.compose(there, se2.inverse(other.poses[pairs[:, 1]]))
-
-
-def _near(places: Pose, k: int) -> Bools:
-    return _are_near(se2.between(places[k], places))
-
-
-def _are_near(off: Pose) -> Bools:
+def _is_same(one: Pose, other: Pose) -> Bools:
+    """Return (n,) whether two poses are the same but for what maps bend."""
+    off = se2.between(one, other)
     return np.asarray((np.hypot(off[:, 0], off[:, 1]) < _AGREES_M) & (np.abs(off[:, 2]) < _AGREES_RAD))

@@ -11,19 +11,20 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.slam.localization.field import DistanceField
-from curvescan.types import Floats, Points, Pose
+from curvescan.types import Bools, Floats, Points, Pose
 
 STEP_M = 0.3
-"""Places that are tried lie so far from each other, metres; the refinement begins with half of it."""
+"""Places that are tried lie so far from each other, metres; the refinement begins with half of it. Neighbouring
+readings count as no farther from each other."""
 
 _N_HEADINGS = 96
 """Headings that are tried, 3.75 deg from each other."""
 
-SAME_M, SAME_RAD = 0.5, 0.26
+_SAME_M, _SAME_RAD = 0.5, 0.26
 """Poses nearer to each other are one, metres and radians."""
 
 _OTHER_RAD = 0.3
@@ -31,9 +32,6 @@ _OTHER_RAD = 0.3
 
 _REACH_M = 0.4
 """A reading speaks for a pose by how near to a wall it ends, down to nothing at this distance, metres."""
-
-_GAP_M = 0.3
-"""Neighbouring readings count as no farther from each other, metres."""
 
 _N_READINGS = 48
 """Readings of a scan that are tried."""
@@ -45,16 +43,18 @@ _N_REFINED = 400
 """Poses that are refined, at most."""
 
 
-def thinned(points: Points, n_most: int = _N_READINGS) -> Points:
-    """Return readings of a scan that stand for all, evenly along its contour and not along its angle.
+def is_same(one: Pose, other: Pose) -> Bools:
+    """Return whether poses of the sensor are one place, (n,) of (n, 3)."""
+    x, y, theta = np.moveaxis(se2.between(one, other), -1, 0)
+    return np.asarray((np.hypot(x, y) < _SAME_M) & (np.abs(theta) < _SAME_RAD))
 
-    points (n, 2).
-    """
+
+def thinned(points: Points, n_most: int = _N_READINGS) -> Points:
+    """Return readings of a scan (n, 2) that stand for all, evenly along its contour and not along its angle."""
     if len(points) <= n_most:
         return np.ascontiguousarray(points)
     along = np.concatenate(([0.0], np.cumsum(_steps(points))))
-    wanted = np.linspace(0.0, along[-1], n_most)
-    chosen = np.unique(np.searchsorted(along, wanted).clip(0, len(points) - 1))
+    chosen = np.unique(np.searchsorted(along, np.linspace(0.0, along[-1], n_most)).clip(0, len(points) - 1))
     return np.ascontiguousarray(points[chosen])
 
 
@@ -65,31 +65,24 @@ def contour_length(points: Points) -> float:
 
 def _steps(points: Points) -> Floats:
     """Return (n - 1,) distances of neighbouring readings, metres; where a surface ends it goes on elsewhere."""
-    steps: Floats = np.minimum(np.hypot(*np.diff(points, axis=0).T), _GAP_M)
+    steps: Floats = np.minimum(np.hypot(*np.diff(points, axis=0).T), STEP_M)
     return steps
 
 
 def likely_poses(field: DistanceField, places: Points, points: Points, n_most: int) -> Pose:
-    """Return (k, 3) poses at which a scan ends on walls, best first, none the same as another.
-
-    places (n, 2); points (m, 2).
-    """
+    """Return (k, 3) poses in places (n, 2) at which a scan (m, 2) ends on walls, best first, none the same."""
     if len(places) == 0 or len(points) < 8:
         return np.empty((0, 3))
     # shuffled, so that a few readings stand for all when a pose is given up
     points = points[np.random.default_rng(0).permutation(len(points))]
-    parts = (field.distance, field.origin, field.resolution)
-    scores, headings = _best_headings(*parts, places, points)
+    scores, headings = _best_headings(field, places, points)
     order = np.argsort(-scores, axis=None, kind="stable")[:_N_REFINED]
     order = order[scores.ravel()[order] >= _LEAST]
-    rows = order // scores.shape[1]
-    rough = np.column_stack((places[rows], headings.ravel()[order]))
-    refined, fine = _refined(*parts, rough, points)
+    rough = np.column_stack((places[order // scores.shape[1]], headings.ravel()[order]))
+    refined, fine = _refined(field, rough, points)
     chosen: list[int] = []
     for k in np.argsort(-fine, kind="stable").tolist():
-        apart = refined[chosen] - refined[k]
-        turn = np.abs(np.angle(np.exp(1j * apart[:, 2])))
-        if not ((np.hypot(apart[:, 0], apart[:, 1]) < SAME_M) & (turn < SAME_RAD)).any():
+        if not is_same(refined[chosen], refined[k]).any():
             chosen.append(k)
         if len(chosen) == n_most:
             break
@@ -97,43 +90,29 @@ def likely_poses(field: DistanceField, places: Points, points: Points, n_most: i
 
 
 def refined_poses(field: DistanceField, rough: Pose, points: Points) -> Pose:
-    """Return poses moved to where a scan fits the map best nearby.
-
-    rough (n, 3); points (m, 2).
-    """
-    parts = (field.distance, field.origin, field.resolution)
-    poses: Pose = _refined(*parts, np.ascontiguousarray(rough), points)[0]
+    """Return poses (n, 3) moved to where a scan (m, 2) fits the map best nearby."""
+    poses: Pose = _refined(field, np.ascontiguousarray(rough), points)[0]
     return poses
 
 
 @kernel
-def _score(
-    distance: NDArray[np.float32],
-    origin: Floats,
-    resolution: float,
-    points: Points,
-    pose: Floats,
-    reach: float,
-    least: float,
-) -> float:
+def _score(field: DistanceField, points: Points, pose: Floats, reach: float, least: float) -> float:
     """Return the mean over the readings of how near to a wall they end; 0 as soon as it cannot be worth it."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    n_rows, n_columns = distance.shape
+    n_rows, n_columns = field.distance.shape
     n, total = len(points), 0.0
     for k in range(n):
-        column = math.floor((pose[0] + c * points[k, 0] - s * points[k, 1] - origin[0]) / resolution)
-        row = math.floor((pose[1] + s * points[k, 0] + c * points[k, 1] - origin[1]) / resolution)
+        column = math.floor((pose[0] + c * points[k, 0] - s * points[k, 1] - field.origin[0]) / field.resolution)
+        row = math.floor((pose[1] + s * points[k, 0] + c * points[k, 1] - field.origin[1]) / field.resolution)
         if 0 <= row < n_rows and 0 <= column < n_columns:
-            total += max(0.0, 1.0 - float(distance[row, column]) / reach)
+            total += max(0.0, 1.0 - float(field.distance[row, column]) / reach)
         if 4 * (k + 1) == n - n % 4 and total < 0.7 * least * (k + 1):
             return 0.0
     return total / n
 
 
 @kernel
-def _best_headings(
-    distance: NDArray[np.float32], origin: Floats, resolution: float, places: Points, points: Points
-) -> tuple[Floats, Floats]:
+def _best_headings(field: DistanceField, places: Points, points: Points) -> tuple[Floats, Floats]:
     """Return (n, 2) scores and headings of the best two headings of each place."""
     scores, headings = np.zeros((len(places), 2)), np.zeros((len(places), 2))
     pose = np.empty(3)
@@ -141,43 +120,40 @@ def _best_headings(
         pose[0], pose[1] = places[p, 0], places[p, 1]
         for h in range(_N_HEADINGS):
             pose[2] = (h + 0.5) * 2.0 * math.pi / _N_HEADINGS - math.pi
-            score = _score(distance, origin, resolution, points, pose, _REACH_M, _LEAST)
+            score = _score(field, points, pose, _REACH_M, _LEAST)
+            apart = abs(pose[2] - headings[p, 0])
+            is_other = min(apart, 2.0 * math.pi - apart) > _OTHER_RAD
             if score > scores[p, 0]:
-                apart = abs(pose[2] - headings[p, 0])
-                if min(apart, 2.0 * math.pi - apart) > _OTHER_RAD:
+                if is_other:
                     scores[p, 1], headings[p, 1] = scores[p, 0], headings[p, 0]
                 scores[p, 0], headings[p, 0] = score, pose[2]
-            elif score > scores[p, 1]:
-                apart = abs(pose[2] - headings[p, 0])
-                if min(apart, 2.0 * math.pi - apart) > _OTHER_RAD:
-                    scores[p, 1], headings[p, 1] = score, pose[2]
+            elif score > scores[p, 1] and is_other:
+                scores[p, 1], headings[p, 1] = score, pose[2]
     return scores, headings
 
 
 @kernel
-def _refined(
-    distance: NDArray[np.float32], origin: Floats, resolution: float, rough: Pose, points: Points
-) -> tuple[Pose, Floats]:
+def _refined(field: DistanceField, rough: Pose, points: Points) -> tuple[Pose, Floats]:
     """Return poses moved uphill on a finer score by steps that are halved, and that score."""
     poses, scores = rough.copy(), np.zeros(len(rough))
     trial = np.empty(3)
     for p in range(len(rough)):
         step, turn, reach = 0.5 * STEP_M, math.pi / _N_HEADINGS, _REACH_M
         for _ in range(4):
-            best = _score(distance, origin, resolution, points, poses[p], reach, 0.0)
+            best = _score(field, points, poses[p], reach, 0.0)
             moved = True
             n = 0
             while moved and n < 6:
                 moved = False
                 n += 1
                 for axis in range(3):
-                    for sign in range(2):
+                    for sign in (-1, 1):
                         trial[:] = poses[p]
-                        trial[axis] += (turn if axis == 2 else step) * (2 * sign - 1)
-                        score = _score(distance, origin, resolution, points, trial, reach, 0.0)
+                        trial[axis] += (turn if axis == 2 else step) * sign
+                        score = _score(field, points, trial, reach, 0.0)
                         if score > best:
                             best, moved = score, True
                             poses[p] = trial
             step, turn, reach = 0.5 * step, 0.5 * turn, max(0.6 * reach, 0.15)
-        scores[p] = _score(distance, origin, resolution, points, poses[p], 0.5 * _REACH_M, 0.0)
+        scores[p] = _score(field, points, poses[p], 0.5 * _REACH_M, 0.0)
     return poses, scores

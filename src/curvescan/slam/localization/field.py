@@ -8,7 +8,6 @@ Robotics", 2005, section 6.4, with the free space that it leaves out).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from curvescan._jit import kernel
 from curvescan.errors import MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
+from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.slam.map import SlamMap
 from curvescan.types import Bools, Floats, Points
 
@@ -35,12 +34,8 @@ _WORN = 0.45
 clutter are hit by some beams and missed by others. What an occupancy map still shows, where fewer look through, is
 solid."""
 
-_FREE = 0.48
+_FREE = 0.5 * (_WORN + 0.5)
 """One look through a cell where nothing ends shows it free."""
-
-N_EVIDENCE = 3
-"""Columns of the evidence of a pose: shares of the readings that end on walls, end in free space, and pass through
-walls."""
 
 
 class Agreement(NamedTuple):
@@ -51,18 +46,12 @@ class Agreement(NamedTuple):
     through: float
 
     @property
-    def against(self) -> float:
-        """Share that the map contradicts."""
-        return self.new + self.through
-
-    @property
     def score(self) -> float:
         """What speaks for the pose less what speaks against it, in [-2, 1]."""
-        return self.on_wall - self.against
+        return self.on_wall - (self.new + self.through)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class DistanceField:
+class DistanceField(NamedTuple):
     """Cells of a map."""
 
     distance: NDArray[np.float32]  # (n_rows, n_columns): distance from the nearest cell where readings end, metres
@@ -75,16 +64,13 @@ class DistanceField:
         """Return (n, 2) places where a sensor can be: free, on a grid, clear of walls."""
         stride = max(round(step / self.resolution), 1)
         half = stride // 2
-        free = self.is_free[half::stride, half::stride]
-        clear = self.distance[half::stride, half::stride] >= clearance
-        rows, columns = np.nonzero(free & clear)
-        cells = np.column_stack((columns, rows)) * stride + half
+        is_place = self.is_free[half::stride, half::stride] & (self.distance[half::stride, half::stride] >= clearance)
+        cells = np.argwhere(is_place)[:, ::-1] * stride + half
         return self.origin + self.resolution * (cells + 0.5)
 
     def agreement(self, points: Points, pose: Floats) -> Agreement:
         """Return what the valid readings of a scan, (n, 2) in its own frame, say of a pose."""
-        parts = (self.distance, self.is_free, self.is_solid, self.origin, self.resolution)
-        return Agreement(*_agreement(*parts, points, pose).tolist())
+        return Agreement(*(n / max(len(points), 1) for n in _counts(self, points, pose)))
 
 
 def field_of(slam_map: SlamMap) -> DistanceField:
@@ -92,8 +78,8 @@ def field_of(slam_map: SlamMap) -> DistanceField:
     resolution = OccupancyConfig().resolution
     while True:
         try:
-            worn, solid = (_grid(slam_map, resolution, miss) for miss in (_WORN, None))
-            return field_of_grid(worn, solid.is_occupied)
+            worn = _grid(slam_map, resolution=resolution, miss=_WORN, free_to=_FREE)
+            return field_of_grid(worn, _grid(slam_map, resolution=resolution).is_occupied)
         except MapTooLargeError:
             resolution *= 2.0
 
@@ -103,11 +89,9 @@ def field_of_grid(grid: OccupancyGrid, is_solid: Bools | bool = True) -> Distanc
     from scipy.ndimage import distance_transform_edt  # loads for a good part of a second
 
     occupied = grid.is_occupied
-    distance = (
-        distance_transform_edt(~occupied) * grid.resolution if occupied.any() else np.full(occupied.shape, np.inf)
-    )
+    cells = distance_transform_edt(~occupied) if occupied.any() else np.full(occupied.shape, np.inf)
     return DistanceField(
-        distance=distance.astype(np.float32),
+        distance=(cells * grid.resolution).astype(np.float32),
         is_free=np.ascontiguousarray(grid.is_free),
         is_solid=np.ascontiguousarray(occupied & is_solid),
         origin=np.asarray(grid.origin, dtype=np.float64),
@@ -115,54 +99,37 @@ def field_of_grid(grid: OccupancyGrid, is_solid: Bools | bool = True) -> Distanc
     )
 
 
-def _grid(slam_map: SlamMap, resolution: float, miss: float | None) -> OccupancyGrid:
-    """Return the map as cells, the usual ones or with another probability of those that are passed.
-
-    Beams of which nothing came back clear nothing: black and glass walls swallow them as well as open space.
-    """
-    given: dict[str, Any] = {"resolution": resolution, "clear_no_return": False}
-    builder = OccupancyBuilder(given if miss is None else given | {"miss": miss, "free_to": _FREE})
-    for scan, pose in zip(slam_map.scans, slam_map.poses, strict=True):
-        builder.add(scan, pose)
-    return builder.grid()
+def _grid(slam_map: SlamMap, **given: Any) -> OccupancyGrid:
+    """Return the map as cells; beams without a return clear none: black walls and glass swallow them as space does."""
+    return slam_map.occupancy(OccupancyConfig(clear_no_return=False, **given))
 
 
 @kernel
-def _agreement(
-    distance: NDArray[np.float32],
-    is_free: Bools,
-    is_solid: Bools,
-    origin: Floats,
-    resolution: float,
-    points: Points,
-    pose: Floats,
-) -> Floats:
-    """Return (N_EVIDENCE,) shares; a beam is looked at every cell and a half."""
+def _counts(field: DistanceField, points: Points, pose: Floats) -> tuple[int, int, int]:
+    """Return how many readings end on walls, end in free space, and pass walls; a look every cell and a half."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    n_rows, n_columns = distance.shape
+    n_rows, n_columns = field.distance.shape
+    resolution = field.resolution
     n_on = n_new = n_through = 0
     for k in range(len(points)):
         px, py = points[k, 0], points[k, 1]
         reach = math.sqrt(px * px + py * py)
         dx, dy = (c * px - s * py) / reach, (s * px + c * py) / reach
-        column = math.floor((pose[0] + reach * dx - origin[0]) / resolution)
-        row = math.floor((pose[1] + reach * dy - origin[1]) / resolution)
+        column = math.floor((pose[0] + reach * dx - field.origin[0]) / resolution)
+        row = math.floor((pose[1] + reach * dy - field.origin[1]) / resolution)
         if 0 <= row < n_rows and 0 <= column < n_columns:
-            if distance[row, column] <= ON_WALL_M:
+            if field.distance[row, column] <= ON_WALL_M:
                 n_on += 1
-            elif is_free[row, column] and distance[row, column] > _OFF_WALL_M:
+            elif field.is_free[row, column] and field.distance[row, column] > _OFF_WALL_M:
                 n_new += 1
         along = 0.0
         while along < reach - _BEFORE_M:
-            column = math.floor((pose[0] + along * dx - origin[0]) / resolution)
-            row = math.floor((pose[1] + along * dy - origin[1]) / resolution)
+            column = math.floor((pose[0] + along * dx - field.origin[0]) / resolution)
+            row = math.floor((pose[1] + along * dy - field.origin[1]) / resolution)
             if not (0 <= row < n_rows and 0 <= column < n_columns):
                 break
-            if is_solid[row, column]:
+            if field.is_solid[row, column]:
                 n_through += 1
                 break
-            along += max(float(distance[row, column]) - 0.5 * resolution, 0.7 * resolution)
-    shares = np.zeros(N_EVIDENCE)
-    n = max(len(points), 1)
-    shares[0], shares[1], shares[2] = n_on / n, n_new / n, n_through / n
-    return shares
+            along += max(float(field.distance[row, column]) - 0.5 * resolution, 0.7 * resolution)
+    return n_on, n_new, n_through

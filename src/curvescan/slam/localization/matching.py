@@ -17,18 +17,17 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.localization.correlative import STEP_M
 from curvescan.slam.localization.field import DistanceField
 from curvescan.slam.localization.map_precision import MapPrecision
+from curvescan.slam.localization.prior import WRONG
 from curvescan.slam.loops.closures import is_certain, is_confident, measured
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Points, Pose
 
 _REACH_M = 8.0
-"""Keyframes farther away are not matched, metres."""
-
-_HALF_M = 0.5 * _REACH_M
-"""One this far away comes behind a near one that shares half as much, metres."""
+"""Keyframes farther away are not matched, metres; one half as far comes behind a near one that shares half as much."""
 
 _LEAST_OVERLAP = 0.15
 """Nor those that share less of what they see, foretold from where they are."""
@@ -36,12 +35,9 @@ _LEAST_OVERLAP = 0.15
 _SCORE = 0.25
 """What the score of a sure match counts for beside the share of readings that the map agrees with."""
 
-_SURE_LOG_ODDS = math.log(99.0)
-"""Log-odds of a match of full weight: one in a hundred is wrong."""
-
-_HELD_M, _HELD_SHARE = 0.3, 0.04
-"""Walls hold a scan that loses this share of its readings when it is shifted so far, metres, along what a match leaves
-open: a corridor has ends and doors that no one keyframe shows."""
+_HELD_SHARE = 0.04
+"""Walls hold a scan that loses this share of its readings when it is shifted by a step of the search along what a match
+leaves open: a corridor has ends and doors that no one keyframe shows."""
 
 _N_FUSED = 3
 """Keyframes whose matches are fused."""
@@ -53,8 +49,7 @@ class Hit:
 
     keyframe: int
     here: UncertainPose  # where it puts the scan in the map, the keyframe taken to be where the map has it
-    score: float
-    weight: float = 1.0  # how much of its score speaks for the place, in [0, 1], by its confidence
+    score: float  # how much speaks for the place, in [0, 1]: the match's score, less where it is not sure
 
 
 class MapMatcher:
@@ -73,7 +68,7 @@ class MapMatcher:
         relative = se2.between(poses[near], expected.pose)
         overlap = foretold_overlap(self._keyframes.profiles, near, relative, range_profile(scan))
         apart = np.hypot(relative[:, 0], relative[:, 1])
-        order = np.argsort(-overlap / (1.0 + apart / _HALF_M), kind="stable")[: 2 * _N_FUSED]
+        order = np.argsort(-overlap / (1.0 + apart / (0.5 * _REACH_M)), kind="stable")[: 2 * _N_FUSED]
         order = order[overlap[order] >= _LEAST_OVERLAP]
         if not len(order):
             return [], False
@@ -81,61 +76,11 @@ class MapMatcher:
         hits: list[Hit] = []
         for row in order.tolist():
             hit = self._hit(int(near[row]), current, relative[row])
-            if hit is not None and self._agrees(self.seen_from(expected, seen_from, hit), hit):
+            if hit is not None and _agree(self.seen_from(expected, seen_from, hit), hit):
                 hits.append(hit)
                 if len(hits) == _N_FUSED:
                     break
         return hits, bool(overlap[order[0]] >= self._config.closures.min_overlap)
-
-    def seen_from(self, expected: UncertainPose, keyframe: int, hit: Hit) -> UncertainPose:
-        """Return what is expected by one keyframe, with what the map errs between it and the keyframe of a match."""
-        error = self._precision.between(keyframe, hit.keyframe)
-        return UncertainPose(expected.pose, expected.cov + error)
-
-    def _agrees(self, expected: UncertainPose, hit: Hit) -> bool:
-        return fuse(expected, hit.here)[1] < GATE
-
-    def settled(self, points: Points, hits: list[Hit]) -> list[Hit]:
-        """Return the best match of one scan and those that agree with it: a bent map puts it in several places."""
-        if len(hits) < 2:
-            return hits
-        worth = [_SCORE * hit.weight * hit.score - self.shortfall(points, hit) for hit in hits]
-        first = hits[int(np.argmax(worth))]
-        others = [replace(hit, here=self.seen_from(hit.here, first.keyframe, hit)) for hit in hits if hit is not first]
-        return [first, *(hit for hit in others if self._agrees(first.here, hit))]
-
-    def held(self, points: Points, place: UncertainPose, hits: list[Hit]) -> list[Hit]:
-        """Return matches of one scan; what they leave open is held by the place that its walls speak for."""
-        return [
-            replace(hit, here=fuse(place, hit.here)[0])
-            if self.is_open(hit.here) and self._is_held(points, place.pose, hit.here)
-            else hit
-            for hit in hits
-        ]
-
-    def is_open(self, here: UncertainPose) -> bool:
-        """Return whether a direction of a pose is not known well enough."""
-        return not is_certain(here, self._config)
-
-    def _is_held(self, points: Points, place: Pose, here: UncertainPose) -> bool:
-        """Return whether the map agrees less with a scan that is shifted along what a pose leaves open."""
-        along = np.linalg.eigh(here.cov[:2, :2])[1][:, 1]
-        shift = np.array([*(_HELD_M * along), 0.0])
-        most = max(self.field.agreement(points, place + way * shift).score for way in (-1.0, 1.0))
-        return most <= self.field.agreement(points, place).score - _HELD_SHARE
-
-    def shortfall(self, points: Points, hit: Hit) -> float:
-        """Return by how much less the map agrees with a scan where a match has it than with the keyframe itself."""
-        fit = self.field.agreement(points, hit.here.pose).score
-        return 1.0 - self.misfit(hit.keyframe) - fit
-
-    def misfit(self, k: int) -> float:
-        """Return how much of a keyframe's own scan the map does not agree with: a lot where the map is bent."""
-        if k not in self._misfits:
-            scan = self._map.scans[k]
-            points = np.ascontiguousarray(scan.points[scan.valid])
-            self._misfits[k] = 1.0 - self.field.agreement(points, self._map.poses[k]).score
-        return self._misfits[k]
 
     def similar(self, scan: LaserScan, n_tried: int) -> list[Hit]:
         """Return matches without a guess with keyframes that look like a scan; none that leave a direction open."""
@@ -155,7 +100,49 @@ class MapMatcher:
         found = measured(result)
         found = UncertainPose(found.pose, found.cov + self._config.noise.floor)
         exact = UncertainPose(self._map.poses[k], np.zeros((3, 3)))
-        return Hit(keyframe=k, here=compose(exact, found), score=result.score, weight=_weight(result.confidence))
+        return Hit(keyframe=k, here=compose(exact, found), score=_weight(result.confidence) * result.score)
+
+    def seen_from(self, expected: UncertainPose, keyframe: int, hit: Hit) -> UncertainPose:
+        """Return what is expected by one keyframe, with what the map errs between it and the keyframe of a match."""
+        error = self._precision.between(keyframe, hit.keyframe)
+        return UncertainPose(expected.pose, expected.cov + error)
+
+    def settled(self, points: Points, hits: list[Hit]) -> list[Hit]:
+        """Return the best match of one scan and those that agree with it: a bent map puts it in several places."""
+        if len(hits) < 2:
+            return hits
+        # by how much less the map agrees with the scan there than with the keyframe itself
+        fits = [self.field.agreement(points, hit.here.pose).score for hit in hits]
+        missing = [1.0 - self.misfit(hit.keyframe) - fit for hit, fit in zip(hits, fits, strict=True)]
+        first = hits[int(np.argmax([_SCORE * hit.score - m for hit, m in zip(hits, missing, strict=True)]))]
+        others = [replace(hit, here=self.seen_from(hit.here, first.keyframe, hit)) for hit in hits if hit is not first]
+        return [first, *(hit for hit in others if _agree(first.here, hit))]
+
+    def held(self, points: Points, place: UncertainPose, hits: list[Hit]) -> list[Hit]:
+        """Return matches of one scan; what they leave open is held by the place that its walls speak for."""
+        return [
+            replace(hit, here=fuse(place, hit.here)[0])
+            if self.is_open(hit.here) and self._is_held(points, place.pose, hit.here)
+            else hit
+            for hit in hits
+        ]
+
+    def is_open(self, here: UncertainPose) -> bool:
+        """Return whether a direction of a pose is not known well enough."""
+        return not is_certain(here, self._config)
+
+    def _is_held(self, points: Points, place: Pose, here: UncertainPose) -> bool:
+        """Return whether the map agrees less with a scan that is shifted along what a pose leaves open."""
+        along = np.linalg.eigh(here.cov[:2, :2])[1][:, 1]
+        shift = np.array([*(STEP_M * along), 0.0])
+        most = max(self.field.agreement(points, place + way * shift).score for way in (-1.0, 1.0))
+        return most <= self.field.agreement(points, place).score - _HELD_SHARE
+
+    def misfit(self, k: int) -> float:
+        """Return how much of a keyframe's own scan the map does not agree with: a lot where the map is bent."""
+        if k not in self._misfits:
+            self._misfits[k] = 1.0 - self.field.agreement(points_of(self._map.scans[k]), self._map.poses[k]).score
+        return self._misfits[k]
 
     def in_map(self, here: UncertainPose, keyframe: int) -> tuple[UncertainPose, Cov]:
         """Return a pose with what the map errs around it, and its covariance seen from the first keyframe."""
@@ -165,12 +152,9 @@ class MapMatcher:
         return around, around.cov + compose(origin, seen).cov
 
 
-def _weight(confidence: float) -> float:
-    """Return what a match of some confidence weighs, by its log-odds; a half where the matcher gives none."""
-    if math.isnan(confidence):
-        return 0.5
-    odds = confidence / max(1.0 - confidence, 1e-6)
-    return float(np.clip(math.log(odds) / _SURE_LOG_ODDS, 0.0, 1.0))
+def points_of(scan: LaserScan) -> Points:
+    """Return the valid readings of a scan in the frame of the sensor."""
+    return np.ascontiguousarray(scan.points[scan.valid])
 
 
 def fused(hits: list[Hit]) -> UncertainPose:
@@ -180,3 +164,15 @@ def fused(hits: list[Hit]) -> UncertainPose:
     for hit in hits[1:]:
         total, _ = fuse(total, UncertainPose(hit.here.pose, share * hit.here.cov))
     return total
+
+
+def _agree(expected: UncertainPose, hit: Hit) -> bool:
+    return fuse(expected, hit.here)[1] < GATE
+
+
+def _weight(confidence: float) -> float:
+    """Return what a match of some confidence weighs, by its log odds; a half where the matcher gives none."""
+    if math.isnan(confidence):
+        return 0.5
+    odds = confidence / max(1.0 - confidence, 1e-6)
+    return float(np.clip(math.log(odds) / math.log((1.0 - WRONG) / WRONG), 0.0, 1.0))

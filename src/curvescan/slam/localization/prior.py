@@ -23,8 +23,8 @@ INITIAL_COVARIANCE: Cov = np.diag(np.square([0.5, 0.5, math.pi / 12.0]))
 LOG_ODDS = 20.0
 """Log odds of one unit of agreement with the map."""
 
-_ASTRAY, _DOUBT = 0.01, 0.1
-"""Probability that the sensor is not where a fix or an initial pose has it, and that it was carried away where no sure
+WRONG, _DOUBT = 0.01, 0.1
+"""Probability that a fix, an initial pose or a sure match is wrong, and that the sensor was carried away where no sure
 match measured its motion."""
 
 _MOST = 3.0
@@ -39,7 +39,7 @@ class Prior:
     """Where the sensor is, as far as it is known without the scan at hand."""
 
     here: UncertainPose
-    astray: float = math.log(_ASTRAY)  # logarithm of the probability that it is anywhere else in the map
+    astray: float = math.log(WRONG)  # logarithm of the probability that it is anywhere else in the map
 
     @staticmethod
     def of(pose: ArrayLike, covariance: ArrayLike | None = None) -> Prior:

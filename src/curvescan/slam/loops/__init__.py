@@ -1,1 +1,1 @@
-"""Loop closures: where they are searched, which matches agree, and which bend the odometry more than it can err."""
+"""Loop closures: where keyframes look alike, which matches agree, their odds, and what contradicts a finished map."""

@@ -1,9 +1,9 @@
 """Agreement: the odds of a set of matches that agree pairwise, against those of the sets that contradict it.
 
-Pairs agree when the cycle through both closes within its covariance (Mangelson, Dominic, Eustice and Vasudevan,
-"Pairwise consistent measurement set maximization for robust multi-robot map merging", ICRA 2018). Views of one place
-err alike: a match adds to the odds of its set in proportion to the way since the last one that counted. One place may
-look like another for a stretch, so that the sum is bounded.
+Pairs agree when the cycle through both closes within its covariance; a set in which all do is a clique (Mangelson,
+Dominic, Eustice and Vasudevan, "Pairwise consistent measurement set maximization for robust multi-robot map merging",
+ICRA 2018). Views of one place err alike: a match adds to the odds of its set in proportion to the way since the last
+one that counted. One place may look like another for a stretch, so that the sum is bounded.
 """
 
 from __future__ import annotations
@@ -14,14 +14,19 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
+from curvescan._jit import kernel
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.closures import Closure, log_odds
 from curvescan.slam.loops.cycles import Chain, cycle_distances
-from curvescan.slam.pose_graph.consistency import largest_clique
 from curvescan.types import Bools, Ints
 
 _VIEW_M = 2.0
 """Views this far apart show different surfaces, metres."""
+
+MOST_LOG_ODDS = 14.0
+"""Most that the matches of a set say together: one building in a million looks the same over a stretch of the way."""
+
+_MOST_BRANCHES = 20_000
 
 
 class Group(NamedTuple):
@@ -36,23 +41,21 @@ def log_odds_of(group: list[Closure], known: list[Closure], chain: Chain, config
     pool = [*known, *group]
     members, others = np.arange(len(known), len(pool)), np.arange(len(known))
     against = _contradicting(pool, others, members, agreements(pool, chain, config, 0.0), chain, config)
-    own = _odds(pool, members, chain, config)
-    return own - max(_odds(pool, against, chain, config), 0.0)
+    return _odds(pool, members, chain) - max(_odds(pool, against, chain), 0.0)
 
 
-def best_group(pool: list[Closure], chain: Chain, config: SlamConfig, known: float) -> tuple[Group, float]:
+def best_group(pool: list[Closure], chain: Chain, config: SlamConfig) -> tuple[Group, float]:
     """Return the set that the last closure of a pool belongs to, and the log odds of the best one that contradicts it.
 
-    known: standard deviation up to which the ways between closures count, metres.
+    The ways between closures count up to where they would guide a match.
     """
-    agrees = agreements(pool, chain, config, known)
+    agrees = agreements(pool, chain, config, config.closures.certain_m)
     last = len(pool) - 1
     friends = np.flatnonzero(agrees[last, :last])
     members = np.append(friends[largest_clique(agrees[np.ix_(friends, friends)])], last)
     others = np.setdiff1d(np.arange(last), members)
     against = _contradicting(pool, others, members, agrees, chain, config)
-    chosen = Group(members.tolist(), _odds(pool, members, chain, config))
-    return chosen, _odds(pool, against, chain, config)
+    return Group(members.tolist(), _odds(pool, members, chain)), _odds(pool, against, chain)
 
 
 def _contradicting(
@@ -65,16 +68,17 @@ def _contradicting(
 
 
 def agreements(pool: list[Closure], chain: Chain, config: SlamConfig, known: float) -> Bools:
-    """Return (n, n) whether the cycle through two closures closes within its covariance."""
+    """Return (n, n) whether the cycle through two closures closes within its covariance.
+
+    known: Standard deviation up to which the ways between closures count, metres.
+    """
     ends = np.array([(c.i, c.j) for c in pool], dtype=np.int64)
     measured, covariances = np.array([c.pose for c in pool]), np.array([c.covariance for c in pool])
-    floor = np.diagonal(config.noise.floor).copy()
-    step = config.keyframes.distance
-    distances = cycle_distances(ends, measured, covariances, *chain, floor, step, known)
-    return np.asarray(distances < GATE)
+    spread, step = np.diagonal(config.noise.spread).copy(), config.keyframes.distance
+    return np.asarray(cycle_distances(ends, measured, covariances, *chain, spread, step, known) < GATE)
 
 
-def _odds(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig) -> float:
+def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
     """Return the log odds of a set: of its views, and of where the graph expects them."""
     if not len(members):
         return 0.0
@@ -88,10 +92,55 @@ def _odds(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig) 
             counted.append(c)
             total += share * log_odds(c)
     expectation = float(np.mean([c.expectation for c in chosen]))
-    return min(total, config.closures.most_log_odds) + expectation
+    return min(total, MOST_LOG_ODDS) + expectation
 
 
 def _apart(chain: Chain, a: int, b: int) -> float:
     """Return how much two keyframes differ along the odometry, metres; a radian counts as a metre."""
     x, y, turn = (chain.poses[a] - chain.poses[b]).tolist()
     return math.hypot(x, y) + abs(float(se2.wrap(turn)))
+
+
+def largest_clique(agrees: Bools) -> Ints:
+    """Return the rows of a large clique of an (n, n) graph, sorted: the maximum one of small graphs."""
+    n = len(agrees)
+    links = agrees & ~np.eye(n, dtype=np.bool_)
+    order = np.argsort(-links.sum(axis=1), kind="stable")
+    return np.sort(order[_clique(np.ascontiguousarray(links[order][:, order]))])
+
+
+@kernel
+def _clique(links: Bools) -> Ints:
+    """Return a maximum clique, or the best after so many branches (Carraghan and Pardalos 1990)."""
+    n = len(links)
+    best = np.empty(n, dtype=np.int64)
+    n_best = 0
+    candidates = np.empty((n + 1, n), dtype=np.int64)
+    n_candidates = np.zeros(n + 1, dtype=np.int64)
+    upcoming = np.zeros(n + 1, dtype=np.int64)
+    current = np.empty(n, dtype=np.int64)
+    for k in range(n):
+        candidates[0, k] = k
+    n_candidates[0] = n
+    depth, n_visited = 0, 0
+    while depth >= 0:
+        if n_candidates[depth] - upcoming[depth] + depth <= n_best or (n_visited >= _MOST_BRANCHES and n_best > 0):
+            depth -= 1
+            continue
+        chosen = candidates[depth, upcoming[depth]]
+        upcoming[depth] += 1
+        n_visited += 1
+        current[depth] = chosen
+        kept = 0
+        for k in range(upcoming[depth], n_candidates[depth]):
+            if links[chosen, candidates[depth, k]]:
+                candidates[depth + 1, kept] = candidates[depth, k]
+                kept += 1
+        if kept == 0:
+            if depth + 1 > n_best:
+                n_best = depth + 1
+                best[:n_best] = current[:n_best]
+            continue
+        depth += 1
+        n_candidates[depth], upcoming[depth] = kept, 0
+    return best[:n_best].copy()

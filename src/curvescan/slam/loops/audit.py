@@ -12,11 +12,9 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.loops.agreement import agreements
-from curvescan.slam.loops.closures import SURE, Closure
+from curvescan.slam.loops.agreement import agreements, largest_clique
+from curvescan.slam.loops.closures import SLIP, SURE, Closure, difference, expectation_of
 from curvescan.slam.loops.cycles import Chain
-from curvescan.slam.loops.likelihood import SLIP, difference, expectation_of
-from curvescan.slam.pose_graph.consistency import largest_clique
 from curvescan.types import Floats, Ints, Pose
 
 _N_KEYFRAMES = 5
@@ -60,10 +58,7 @@ class Contradiction:
 
 
 def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> list[Contradiction]:
-    """Return what groups of matches, by row, say against a map, the largest first.
-
-    A few keyframes may be deceived: it takes five. poses (n, 3): of the map; numbers (n,).
-    """
+    """Return what groups of matches, by row, say against a map, the largest first: a few keyframes may be deceived."""
     found: list[Contradiction] = []
     for group in groups:
         if len({c.j for c in group}) < _N_KEYFRAMES:

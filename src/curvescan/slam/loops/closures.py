@@ -13,21 +13,18 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike
 
+from curvescan import se2
 from curvescan.matchers import MatchResult
 from curvescan.se2.uncertain import UncertainPose, fuse
 from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.loops.likelihood import difference, expectation_of
 from curvescan.slam.pose_graph.graph import is_whole
 from curvescan.types import Bools, Cov, Pose
 
 _N_NEIGHBOURS = 10
 """Keyframes that follow each other so closely, about 5 m or 5 rad of way, see the same place without a loop."""
 
-
-def is_loop(i: ArrayLike, j: ArrayLike) -> Bools:
-    """Return whether keyframes, by their numbers, are so far apart along the path that their match closes a loop."""
-    return np.abs(np.subtract(j, i)) > _N_NEIGHBOURS
-
+SIGMAS = 3.0
+"""A keyframe may lie this many standard deviations from where the graph has it."""
 
 _OPEN = 100.0
 """Standard deviation of a way that is not measured, metres."""
@@ -40,6 +37,21 @@ _ERROR_AFAR = 0.03
 
 _MOST_ODDS = math.log(99.0)
 """Most that one match says for itself: of matches of a confidence of 0.99 one in a hundred is wrong."""
+
+_ANYWHERE_M = 10.0
+"""Standard deviation of where matches of other places lie, metres. Their headings are those of the walls, and tell
+nothing."""
+
+SLIP: Cov = np.diag(np.square([10.0, 10.0, 0.3]))
+"""(3, 3) covariance of what a way may have slipped and bent without the odometry noticing."""
+
+_SLIP_ODDS = -9.0
+"""Log odds of such a slip on the way between two keyframes."""
+
+
+def is_loop(i: ArrayLike, j: ArrayLike) -> Bools:
+    """Return whether keyframes, by their numbers, are so far apart along the path that their match closes a loop."""
+    return np.abs(np.subtract(j, i)) > _N_NEIGHBOURS
 
 
 class ClosureOutcome(Enum):
@@ -104,7 +116,7 @@ class Closure:
     @property
     def is_whole(self) -> bool:
         """Whether the match leaves nothing open."""
-        return is_whole(self.covariance)
+        return bool(is_whole(self.covariance))
 
 
 def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
@@ -114,16 +126,14 @@ def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
 
 def is_near(expected: UncertainPose, config: SlamConfig) -> bool:
     """Return whether two keyframes may lie so near to each other that a match can dispute where the graph has them."""
-    rules = config.closures
     away = math.hypot(expected.pose[0], expected.pose[1])
-    return away < rules.reach + rules.sigmas * math.sqrt(expected.cov[0, 0] + expected.cov[1, 1])
+    return away < config.closures.reach + SIGMAS * math.sqrt(expected.cov[0, 0] + expected.cov[1, 1])
 
 
 def measured(result: MatchResult) -> UncertainPose:
     """Return the pose of a match; what the scans leave open, a way or a turn, is not measured at all.
 
-    Along a corridor the heading stays measured: a way of 100 m with a hundredth of a degree per metre would open it as
-    well.
+    Along a corridor the heading stays measured: a little turn in a way of 100 m would open it as well.
     """
     cov = result.covariance
     if result.degenerate_direction is not None:
@@ -174,3 +184,25 @@ def log_odds(closure: Closure) -> float:
     """Return the log odds of a match by its confidence; those of its score where the matcher gives none."""
     p = closure.score if math.isnan(closure.confidence) else closure.confidence
     return min(math.log(max(p, 1e-6) / max(1.0 - p, 1e-6)), _MOST_ODDS)
+
+
+def difference(one: Pose, other: Pose) -> Pose:
+    """Return the second pose minus the first, angles wrapped."""
+    off = other - one
+    off[2] = se2.wrap(off[2])
+    return off
+
+
+def expectation_of(off: Pose, cov: Cov) -> float:
+    """Return how much the graph speaks for a match there: log odds against a wrong match, which may lie anywhere.
+
+    off (3,): from where the graph expects it, as it is or after a slip; cov (3, 3): of the graph and the match
+    together. Nothing is gained along a direction that is not measured, as it is wide there.
+    """
+    return max(_gained(off, cov), _SLIP_ODDS + _gained(off, cov + SLIP))
+
+
+def _gained(off: Pose, cov: Cov) -> float:
+    gained = float(np.linalg.slogdet(np.eye(2) + _ANYWHERE_M**2 * np.linalg.inv(cov[:2, :2]))[1])
+    distance = float(off @ np.linalg.solve(cov, off))
+    return 0.5 * (gained - distance) if math.isfinite(distance) else -math.inf

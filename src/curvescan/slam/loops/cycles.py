@@ -29,29 +29,14 @@ class Chain(NamedTuple):
 
 @kernel
 def cycle_distances(
-    ends: Ints, measured: Pose, covariances: Cov, poses: Pose, gathered: Cov, floor: Floats, step: float, known: float
+    ends: Ints, measured: Pose, covariances: Cov, poses: Pose, gathered: Cov, spread: Floats, step: float, known: float
 ) -> Floats:
     """Return (n, n) squared Mahalanobis distance by which the cycle through each two closures does not close.
 
-    Parameters
-    ----------
-    ends : (n, 2) int64
-        Keyframes i and j of each closure.
-    measured : (n, 3) float64
-        Pose of j in the frame of i by each.
-    covariances : (n, 3, 3) float64
-        Of these.
-    poses : (k, 3) float64
-        Of all keyframes.
-    gathered : (k, 3, 3) float64
-        Covariance that the chain of their motions has gathered by each; see :func:`gathered_covariances`.
-    floor : (3,) float64
-        Variances of an edge of the graph: metres squared, twice, and radians squared.
-    step : float
-        Length of an edge, metres: so many are between two keyframes as their distance takes.
-    known : float
-        Standard deviation up to which the motions of a way count, metres. One known no better is taken to err as edges
-        usually do: the next room would agree with it as well.
+    ends (n, 2), measured (n, 3), covariances (n, 3, 3): of the closures; poses (k, 3), gathered (k, 3, 3): of all
+    keyframes, see :class:`Chain`; spread (3,): variances of an edge, of which each `step` metres between two keyframes
+    take one; known: standard deviation up to which the motions of a way count, metres. One known no better is taken to
+    err as edges usually do: the next room would agree with it as well.
     """
     n = len(ends)
     found = np.zeros((n, n))
@@ -59,7 +44,7 @@ def cycle_distances(
         for b in range(a):
             found[a, b] = found[b, a] = _cycle_distance(
                 ends[a], measured[a], covariances[a], ends[b], measured[b], covariances[b],
-                poses, gathered, floor, step, known,
+                poses, gathered, spread, step, known,
             )  # fmt: skip
     return found
 
@@ -102,13 +87,13 @@ def _by_chain(
 @kernel
 def _cycle_distance(
     ends_1: Ints, pose_1: Pose, cov_1: Cov, ends_2: Ints, pose_2: Pose, cov_2: Cov,
-    poses: Pose, gathered: Cov, floor: Floats, step: float, known: float,
+    poses: Pose, gathered: Cov, spread: Floats, step: float, known: float,
 ) -> float:  # fmt: skip
     """Return how far i2 -> i1 -> j1 -> j2 is from the second closure: squared Mahalanobis distance."""
     xi, yi, ti = _between(poses[ends_2[0]], poses[ends_1[0]])
     xj, yj, tj = _between(poses[ends_1[1]], poses[ends_2[1]])
-    n_i = 4.0 * _n_edges(xi, yi, step, ends_1[0] == ends_2[0])
-    n_j = 4.0 * _n_edges(xj, yj, step, ends_1[1] == ends_2[1])
+    n_i = _n_edges(xi, yi, step, ends_1[0] == ends_2[0])
+    n_j = _n_edges(xj, yj, step, ends_1[1] == ends_2[1])
     ci, si = math.cos(ti), math.sin(ti)
     c1, s1 = math.cos(pose_1[2]), math.sin(pose_1[2])
     # the way at j seen from i1, the way behind i1 seen from i2
@@ -124,7 +109,7 @@ def _cycle_distance(
     a01 = cov_1[0, 1] + xr * cov_1[0, 2] - yr * h1
     a11 = cov_1[1, 1] + xr * (cov_1[1, 2] + h1)
     # turned into the frame of i2, with that of the ways and of the second closure
-    wi, wj = n_i * floor[2], n_j * floor[2]
+    wi, wj = n_i * spread[2], n_j * spread[2]
     # what the motions of both ways gathered moves keyframe j2, seen from i2
     start, end = poses[ends_2[0]], poses[ends_2[1]]
     c, s = math.cos(start[2]), math.sin(start[2])
@@ -135,7 +120,7 @@ def _cycle_distance(
     b00 = ci * (ci * a00 - si * a01) - si * (ci * a01 - si * a11)
     b01 = si * (ci * a00 - si * a01) + ci * (ci * a01 - si * a11)
     b11 = si * (si * a00 + ci * a01) + ci * (si * a01 + ci * a11)
-    isotropic = n_i * floor[0] + n_j * floor[0]
+    isotropic = n_i * spread[0] + n_j * spread[0]
     m00 = b00 + isotropic + wi * dy * dy + cov_2[0, 0] + gi[0] + gj[0]
     m01 = b01 - wi * dx * dy + cov_2[0, 1] + gi[1] + gj[1]
     m11 = b11 + isotropic + wi * dx * dx + cov_2[1, 1] + gi[2] + gj[2]
@@ -154,10 +139,7 @@ def _cycle_distance(
 def gathered_covariances(poses: Pose, motions: Cov) -> Cov:
     """Return the (n, 3, 3) covariance that a chain of motions gathers by each pose, moving the whole plane.
 
-    The difference of two of them is that of the way between: what it makes of the origin, (x, y, theta) in the frame
-    of the poses.
-
-    poses (n, 3); motions (n, 3, 3).
+    The difference of two is that of the way between: what it makes of the origin, in the frame of the poses.
     """
     moved = np.zeros((len(poses), 3, 3))
     c, s = np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])

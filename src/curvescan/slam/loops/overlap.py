@@ -22,10 +22,7 @@ _BEHIND = 0.5
 
 
 def range_profile(scan: LaserScan) -> Floats:
-    """Return (2, N_SECTORS) mean and greatest range of each sector; 0 where there is no reading.
-
-    Sector k begins at -pi + k 2 pi / N_SECTORS.
-    """
+    """Return (2, N_SECTORS) mean and greatest range of each sector from -pi on; 0 where there is no reading."""
     valid = scan.valid
     angles, ranges = scan.angles[valid], scan.ranges[valid]
     sector = np.floor((angles + math.pi) / (2.0 * math.pi) * N_SECTORS).astype(np.int64) % N_SECTORS
@@ -38,10 +35,7 @@ def range_profile(scan: LaserScan) -> Floats:
 
 @kernel
 def foretold_overlap(profiles: Floats, rows: Ints, relative: Pose, newest: Floats) -> Floats:
-    """Return the (k,) smaller of the shares that each keyframe sees of the newest, and the newest of it.
-
-    profiles (n, 2, N_SECTORS); rows (k,); relative (k, 3); newest (2, N_SECTORS).
-    """
+    """Return the (k,) smaller of the shares that each keyframe sees of the newest, at (k, 3), and the newest of it."""
     shares = np.empty(len(rows))
     for n in range(len(rows)):
         x, y, theta = relative[n, 0], relative[n, 1], relative[n, 2]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from curvescan._jit import kernel
 from curvescan.slam.pose_graph.rows import Rows
-from curvescan.types import Bools, Floats, Ints
+from curvescan.types import Floats, Ints
 
 N_DISTANCES, N_BEARINGS, N_KINDS = 16, 12, 3
 """Bins of distance, of bearing, and whether the surface turns the one way, the other, or ends."""
@@ -25,7 +25,6 @@ _STEP = 0.5
 """Width of a bin of distance, metres; pairs farther apart than 8 m are left out."""
 
 SIGNATURE_SIZE = N_DISTANCES * N_BEARINGS * N_KINDS
-
 Signature = NDArray[np.float32]
 """(SIGNATURE_SIZE,) float32 of unit length, or zeros where a scan has too few keypoints."""
 
@@ -38,26 +37,15 @@ def signature(keypoints: Floats) -> Signature:
     return unit
 
 
-class PlaceIndex:
-    """Signatures of keyframes, by number."""
+class PlaceIndex(Rows):
+    """Signatures of keyframes, by row."""
 
     def __init__(self) -> None:
-        self._signatures = Rows((SIGNATURE_SIZE,), np.float32)
-
-    def __len__(self) -> int:
-        return len(self._signatures)
-
-    def add(self, new: Signature) -> None:
-        """Append the signature of the next keyframe."""
-        self._signatures.append(new)
-
-    def keep(self, is_kept: Bools) -> None:
-        """Remove the keyframes that are not kept; the others keep their order."""
-        self._signatures.keep(is_kept)
+        super().__init__((SIGNATURE_SIZE,), np.float32)
 
     def similarity(self, other: Signature) -> Floats:
         """Return (n,) how alike each keyframe is to a scan, in [0, 1]."""
-        return np.asarray(self._signatures.array @ other, dtype=np.float64)
+        return np.asarray(self.array @ other, dtype=np.float64)
 
     def most_similar(self, other: Signature, n_most: int) -> Ints:
         """Return the keyframes most like a scan, the most alike first."""

@@ -1,7 +1,4 @@
-"""PoseGraph: keyframe poses and the measured poses between them.
-
-The graph only stores; :mod:`optimization` moves the poses and weighs the edges.
-"""
+"""PoseGraph: keyframe poses and the measured poses between them. It only stores; the optimization moves and weighs."""
 
 from __future__ import annotations
 
@@ -29,9 +26,9 @@ _MOST_SPREAD = 1.0
 """Greatest trace of the covariance of an edge that leaves nothing open, square metres and radians."""
 
 
-def is_whole(covariance: Cov) -> bool:
-    """Return whether the (3, 3) covariance of an edge leaves no direction open."""
-    return bool(np.trace(covariance) < _MOST_SPREAD)
+def is_whole(covariances: Cov) -> Bools:
+    """Return whether the (..., 3, 3) covariances of edges leave no direction open."""
+    return np.asarray(np.trace(covariances, axis1=-2, axis2=-1) < _MOST_SPREAD)
 
 
 _EDGE = np.dtype(
@@ -77,7 +74,7 @@ class PoseGraph:
         return self._edges.array["measured"]
 
     @property
-    def covariances(self) -> Cov:
+    def edge_covariances(self) -> Cov:
         """(n_edges, 3, 3): of each measured pose, in the frame of i."""
         return self._edges.array["covariance"]
 
@@ -90,6 +87,11 @@ class PoseGraph:
     def weights(self) -> Floats:
         """(n_edges,) in [0, 1]: how far the optimizer follows each edge."""
         return self._edges.array["weight"]
+
+    @property
+    def is_followed(self) -> Bools:
+        """(n_edges,): whether the optimizer follows each edge."""
+        return np.asarray(self.weights > 0.5)
 
     @property
     def is_closure(self) -> Bools:
@@ -114,3 +116,22 @@ class PoseGraph:
     def keep_edges(self, is_kept: Bools) -> None:
         """Remove edges; the others keep their order."""
         self._edges.keep(is_kept)
+
+
+def components(ends: Ints, n_poses: int) -> Ints:
+    """Return (n_poses,) number of the connected component of each pose by edges (m, 2), the one of pose 0 first."""
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    links = csr_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n_poses, n_poses))
+    _, labels = connected_components(links, directed=False)
+    return np.asarray(labels, dtype=np.int64)
+
+
+def anchors_of(labels: Ints, preferred: Ints | None = None) -> Ints:
+    """Return one pose of each component, in the order of the components: a preferred one, or else the first."""
+    _, first = np.unique(labels, return_index=True)
+    anchors = first.astype(np.int64)
+    if preferred is not None:
+        anchors[labels[preferred][::-1]] = preferred[::-1]
+    return anchors

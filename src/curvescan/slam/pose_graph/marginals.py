@@ -17,12 +17,10 @@ from curvescan.types import Cov, Floats, Ints, Pose
 
 
 def marginal_covariances(information: Any, anchors: Ints) -> Cov:
-    """Return (n, 3, 3) covariance of each pose, x, y, theta, with the anchors known exactly.
+    """Return (n, 3, 3) covariance of each pose with the anchors, (k,), known exactly, by the information matrix in CSC.
 
     Anchored at the pose in question, these are the covariances of all others seen from it, with no cancellation of
     large numbers: what a chain of keyframes has in common is not in them.
-
-    information: The (3n, 3n) matrix in CSC, see :func:`normal_equations`; anchors (k,).
     """
     lu = factorized(information)
     lower = lu.L.tocsc()
@@ -38,10 +36,7 @@ def marginal_covariances(information: Any, anchors: Ints) -> Cov:
 
 
 def seen_from(poses: Pose, covariances: Cov, k: int) -> tuple[Pose, Cov]:
-    """Return (n, 3) pose of pose k seen from every pose and (n, 3, 3) its covariance.
-
-    poses (n, 3); covariances (n, 3, 3).
-    """
+    """Return (n, 3) pose of pose k seen from every pose and (n, 3, 3) its covariance, by those with k known exactly."""
     relative = se2.between(poses, poses[k])
     # by the pose that sees: d/dx_i of R_i^T (t_k - t_i)
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])

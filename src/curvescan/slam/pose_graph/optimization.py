@@ -7,8 +7,6 @@ theta_ij].
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,39 +32,25 @@ class Edges(NamedTuple):
         return Edges(self.ends[rows], self.measured[rows], self.information[rows])
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Optimum:
-    """Where least squares ended."""
-
-    poses: Pose  # (n, 3)
-    n_iterations: int  # factorizations it took
-    cost: float  # weighted sum of the edges' squared Mahalanobis distances
-
-
 def optimize(
     poses: Pose, edges: Edges, weights: Floats, anchors: Ints, *, max_iterations: int = 20, tolerance: float = 1e-5
-) -> Optimum:
-    """Return the poses that the edges agree on best.
-
-    poses (n, 3); weights (m,); anchors (k,).
-    """
+) -> Pose:
+    """Return the (n, 3) poses that the edges agree on best; weights (m,); anchors (k,)."""
     order = elimination_order(edges.ends, len(poses))
     rank = np.argsort(order)
     edges, anchors, poses = edges._replace(ends=rank[edges.ends]), rank[anchors], poses[order]
-    cost, n_done = math.inf, 0
     for _ in range(max_iterations):
-        matrix, gradient, cost = normal_equations(poses, edges, weights, anchors)
+        matrix, gradient = normal_equations(poses, edges, weights, anchors)
         step = factorized(matrix, order="NATURAL").solve(-gradient).reshape(-1, 3)
-        n_done += 1
         poses = poses + step
         if not np.abs(step).max(initial=0.0) > tolerance:
             break
     poses[:, 2] = se2.wrap(poses[:, 2])
-    return Optimum(poses=poses[rank], n_iterations=n_done, cost=cost)
+    return poses[rank]
 
 
-def normal_equations(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> tuple[Any, Floats, float]:
-    """Return the information matrix at the poses in CSC, J^T W J, the gradient J^T W e, (3n,), and the cost.
+def normal_equations(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> tuple[Any, Floats]:
+    """Return the information matrix at the poses in CSC, J^T W J, and the gradient J^T W e, (3n,).
 
     Poses that are anchored stand for themselves: their rows and columns are those of the identity.
     """
@@ -88,7 +72,7 @@ def normal_equations(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) 
     )
     held = diags_array(np.repeat(is_held.astype(np.float64), 3)).tocsc()
     matrix = (half.T @ jac).tocsr().T + held  # a transposed CSR is a CSC
-    return matrix, jac.T @ pull.ravel(), float((error * pull).sum())
+    return matrix, jac.T @ pull.ravel()
 
 
 def squared_distances(poses: Pose, edges: Edges) -> Floats:

@@ -18,7 +18,6 @@ from curvescan.types import Bools, Cov, Floats, Ints, Pose
 _PRIOR = 30.0
 """Degrees of freedom that the covariances as they are count for: of few residuals nothing is concluded."""
 
-
 _DRIFT = 0.001
 """Standard deviation by which matches in a row turn the heading over a way of a metre, radians; a radian counts as a
 metre. Real logs ask for 0.003 over 300 m and for nothing over 10 m, simulated floors for nothing."""
@@ -39,13 +38,10 @@ def without_floor(covariances: Cov, floor: Cov) -> Cov:
 
 
 def design_effect(ends: Ints, is_match: Bools, n_poses: int, correlation: float) -> Floats:
-    """Return the (m,) factors of covariances of edges, as other matches of their scans err alike.
-
-    ends (m, 2); is_match (m,).
-    """
+    """Return the (m,) factors of covariances of edges, (m, 2), as other matches of their scans err alike."""
     degrees = np.bincount(ends[is_match].ravel(), minlength=n_poses)
-    # half of the matches of a keyframe are with earlier ones
-    n_alike = 0.25 * (degrees[ends[:, 0]] + degrees[ends[:, 1]])
+    # half of the matches of a keyframe are with earlier ones; the mean of both ends
+    n_alike = (degrees[ends[:, 0]] + degrees[ends[:, 1]]) / 4
     effect = 1.0 + (np.maximum(n_alike, 1.0) - 1.0) * correlation
     return np.where(is_match, effect, 1.0)
 
@@ -66,10 +62,7 @@ def heading_drift(ends: Ints, measured: Pose, n_poses: int) -> Floats:
 
 
 def variance_factor(distances: Floats, n_poses: int) -> float:
-    """Return the factor of the matches' covariances by their squared Mahalanobis distances in the optimum.
-
-    distances (m,).
-    """
+    """Return the factor of the matches' covariances by their (m,) squared Mahalanobis distances in the optimum."""
     redundancy = max(3.0 * (len(distances) - n_poses), 0.0)
     if redundancy == 0.0:
         return 1.0
@@ -77,10 +70,7 @@ def variance_factor(distances: Floats, n_poses: int) -> float:
 
 
 def own_noise(poses: Pose, ends: Ints, covariances: Cov, is_match: Bools) -> Cov:
-    """Return (n, 3, 3) covariance of the best match of each keyframe, axes of the map; zeros for one without any.
-
-    poses (n, 3); ends (m, 2); covariances (m, 3, 3); is_match (m,).
-    """
+    """Return (n, 3, 3) covariance of the best of m matches of each keyframe, axes of the map; zeros without any."""
     rows = np.flatnonzero(is_match)
     spread = np.trace(covariances[rows], axis1=1, axis2=2)
     rows = rows[np.argsort(-spread, kind="stable")]
@@ -88,16 +78,13 @@ def own_noise(poses: Pose, ends: Ints, covariances: Cov, is_match: Bools) -> Cov
     best[ends[rows].ravel()] = np.repeat(rows, 2)  # of several the last one stays
     found = np.zeros((len(poses), 3, 3))
     has = np.flatnonzero(best >= 0)
-    turn = _turns(poses[ends[best[has], 0], 2])
+    turn = rotations(poses[ends[best[has], 0], 2])
     found[has] = turn @ covariances[best[has]] @ turn.transpose(0, 2, 1)
     return found
 
 
 def with_own_noise(covariances: Cov, poses: Pose, own: Cov, k: int) -> Cov:
-    """Return (n, 3, 3) covariances with the noise of the keyframes' own scans; keyframe k stays known exactly.
-
-    covariances (n, 3, 3); poses (n, 3); own (n, 3, 3).
-    """
+    """Return (n, 3, 3) covariances with the noise of the keyframes' own scans; keyframe k stays known exactly."""
     lever = np.tile(np.eye(3), (len(poses), 1, 1))
     lever[:, 0, 2] = poses[k, 1] - poses[:, 1]
     lever[:, 1, 2] = poses[:, 0] - poses[k, 0]
@@ -106,7 +93,8 @@ def with_own_noise(covariances: Cov, poses: Pose, own: Cov, k: int) -> Cov:
     return found
 
 
-def _turns(angles: Floats) -> Cov:
+def rotations(angles: Floats) -> Cov:
+    """Return (n, 3, 3) matrices that turn poses by angles."""
     turns = np.zeros((len(angles), 3, 3))
     c, s = np.cos(angles), np.sin(angles)
     turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = c, -s, s, c

@@ -1,7 +1,6 @@
-"""Bag: the topics and the messages of a ROS bag, read by the library rosbags.
+"""Bag: the topics and the messages of a ROS bag, read by the library rosbags, whose errors become ours.
 
-Every error of rosbags becomes one of ours, in one sentence. On damaged files its parsers raise their own errors and
-nearly every builtin one (assertions, struct errors, errors of the decompressors).
+On damaged files its parsers raise their own errors and nearly every builtin one.
 """
 
 import errno

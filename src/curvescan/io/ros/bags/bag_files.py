@@ -1,8 +1,7 @@
 """The files of a ROS bag: which kind they are, which of a folder belong together, and how they are unpacked.
 
 A ROS 2 bag is a folder with its storage in one file, or in several that follow each other: ``name_0.db3``,
-``name_1.db3``. The storage is found by its content; ``metadata.yaml`` repeats what the storage says and is not
-needed. A gzip-compressed storage is unpacked to a temporary file, for its readers jump to and fro.
+``name_1.db3``. It is found by its content; ``metadata.yaml`` is not needed.
 """
 
 import bz2
@@ -55,7 +54,15 @@ def storage_files(folder: Path) -> tuple[Path, ...]:
             if kind in (BagKind.SQLITE, BagKind.MCAP):
                 kinds[entry] = kind
     if not kinds:
-        raise LogFileError(_no_bag_message(folder))
+        if (folder / "metadata.yaml").is_file():
+            raise LogFileError(
+                f"{folder} is the folder of a ROS 2 bag, by its metadata.yaml, without a storage file that can be "
+                "read: it needs its .db3 or .mcap (plain or gzip-compressed; unpack other compression first)"
+            )
+        raise LogFileError(
+            f"a log must be a file or the folder of a ROS 2 bag, and {folder} is a folder without one: "
+            "give the path of a log inside it"
+        )
     if len({(kind, _split_name(file)[0]) for file, kind in kinds.items()}) > 1:
         names = ", ".join(file.name for file in list(kinds)[:8])
         raise LogFormatError(f"{folder} holds several bags: give one of them ({names})")
@@ -82,18 +89,6 @@ def _split_name(file: Path) -> tuple[str, int]:
     stem = re.sub(r"(\.(db3|mcap|gz))+$", "", file.name)
     match = re.fullmatch(r"(.*)_(\d{1,9})", stem)
     return (match[1], int(match[2])) if match else (stem, -1)
-
-
-def _no_bag_message(folder: Path) -> str:
-    if (folder / "metadata.yaml").is_file():
-        return (
-            f"{folder} is the folder of a ROS 2 bag, by its metadata.yaml, without a storage file that can be "
-            "read: it needs its .db3 or .mcap (plain or gzip-compressed; unpack other compression first)"
-        )
-    return (
-        f"a log must be a file or the folder of a ROS 2 bag, and {folder} is a folder without one: "
-        "give the path of a log inside it"
-    )
 
 
 MIN_CHUNK_LIMIT = 16 << 20

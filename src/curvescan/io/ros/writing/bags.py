@@ -1,10 +1,7 @@
 """BagWriter: laser scans, odometry and transforms to a ROS bag; the counterpart of bag.py.
 
-Logs to ROS bags: the scans on /scan, frame ``laser``; odometry on /odom, pose of the laser in frame ``odom``.
-
-What a LaserScan message cannot hold: digits beyond float32 of ranges, angles and limits, digits of a stamp beyond the
-nanosecond, beams that are not evenly spaced. A scan read from a bag comes back to the bit. Odometry with gaps is
-interpolated in them when it is read again, and of scans with the same stamp the first one's pose counts.
+The scans go to /scan, frame ``laser``; the pose of the laser in frame ``odom`` to /odom. What a message cannot hold
+stands in docs/formats.md.
 """
 
 import os

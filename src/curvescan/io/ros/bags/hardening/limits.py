@@ -1,8 +1,7 @@
 """Limits for rosbags' readers of ROS 1 bags and of MCAP, which trust the sizes that a file claims.
 
 Checked are what chunks unpack to, how much index a ROS 1 bag has, how many chunks of an MCAP file are held at once,
-and the YAML of ROS 2 bags, in which a few hundred bytes can stand for hours of work. ``read(n)`` of an ordinary file
-reserves n bytes before it reads: CheckedPath does not.
+and the YAML of ROS 2 bags, in which a few hundred bytes can stand for hours of work.
 """
 
 import io
@@ -103,33 +102,26 @@ class CheckedMcapReader(McapReader):
 
     def open(self) -> None:
         """Read the summary, or go through the file where it has none."""
-        self._check_summary()
+        if self._n_bytes >= _FOOTER_BYTES:  # else rosbags says that it is too short
+            with self._file.open("rb") as file:
+                file.seek(-_FOOTER_BYTES, os.SEEK_END)
+                start = int.from_bytes(file.read(8), "little")
+            if 0 < start < self._n_bytes - max(MIN_SUMMARY_LIMIT, self._n_given // 2):
+                raise LogFormatError("its summary is too long for a file of its size")
         super().open()
         try:
             check_chunks(self.chunks, self._n_bytes)
-            self._keep_cdr()
+            # channels whose messages are not in ROS 2's encoding are left out
+            encodings = {c.id: self.channels[c.id].message_encoding for c in self.connections}
+            self.connections = [c for c in self.connections if encodings[c.id] == _CDR]
+            if encodings and not self.connections:
+                found = printable(", ".join(sorted(set(encodings.values()))), 100)
+                raise LogFormatError(
+                    f"none of its channels holds messages in the encoding of ROS 2 (cdr), they hold {found}"
+                )
         except LogFormatError:
             self.close()
             raise
-
-    def _keep_cdr(self) -> None:
-        """Leave out channels whose messages are not in ROS 2's encoding."""
-        encodings = {c.id: self.channels[c.id].message_encoding for c in self.connections}
-        self.connections = [c for c in self.connections if encodings[c.id] == _CDR]
-        if encodings and not self.connections:
-            found = printable(", ".join(sorted(set(encodings.values()))), 100)
-            raise LogFormatError(
-                f"none of its channels holds messages in the encoding of ROS 2 (cdr), they hold {found}"
-            )
-
-    def _check_summary(self) -> None:
-        if self._n_bytes < _FOOTER_BYTES:
-            return  # rosbags says so
-        with self._file.open("rb") as file:
-            file.seek(-_FOOTER_BYTES, os.SEEK_END)
-            start = int.from_bytes(file.read(8), "little")
-        if 0 < start < self._n_bytes - max(MIN_SUMMARY_LIMIT, self._n_given // 2):
-            raise LogFormatError("its summary is too long for a file of its size")
 
     def _look(self, data: bytes) -> None:
         """Unpack what will be unpacked: rosbags would not stop."""

@@ -1,7 +1,7 @@
-"""What is left of a bag whose end is missing: its messages up to the break, written as a whole temporary bag.
+"""What is left of a bag whose recorder was killed: its messages up to the break, written as a whole temporary bag.
 
-A recorder that was killed leaves a bag without the index at its end. And what is looked at in a bag of SQLite before
-rosbags opens it: that its tables are plain ones. A view or a generated column is a program, which may run without end.
+And what is looked at in a bag of SQLite before rosbags opens it: that its tables are plain ones. A view or a generated
+column is a program, which may run without end.
 """
 
 import os
@@ -183,7 +183,7 @@ def _salvage_sqlite(file: Path, target: Path) -> None:
             with suppress(sqlite3.DatabaseError):
                 for row in rows:
                     # text was read as bytes
-                    values = [_as_text(v) if name != b"messages" else v for v in row]
+                    values = [_text(v) if isinstance(v, bytes) and name != b"messages" else v for v in row]
                     goal.execute(f"insert into {name.decode()} values ({marks})", values)
         goal.commit()
 
@@ -206,10 +206,6 @@ def _whole_pages(file: Path, copy: Path) -> Iterator[Path]:
         copy.unlink(missing_ok=True)
 
 
-def _as_text(value: object) -> object:
-    return value.decode(errors="replace") if isinstance(value, bytes) else value
-
-
 _WRITERS: dict[BagKind, Callable[[Path, Path], None]] = {
     BagKind.ROS1: _salvage_ros1,
     BagKind.MCAP: _salvage_mcap,
@@ -222,7 +218,6 @@ _READ = (*_NEEDED, "schema", "message_definitions")
 _MAX_TOPICS = 4096
 _MAX_NAMES = 1000
 _GENERATED = (2, 3)
-_REMAINS = ("-wal", "-journal")
 
 
 def sqlite_reader(file: Path) -> Sqlite3Reader:
@@ -240,7 +235,7 @@ def sqlite_reader(file: Path) -> Sqlite3Reader:
 
 def unfinished(file: Path) -> bool:
     """Return whether a database was not closed: what its log beside it holds is not part of it, and not read."""
-    beside = (file.with_name(file.name + ending) for ending in _REMAINS)
+    beside = (file.with_name(file.name + ending) for ending in _SQLITE_ENDINGS)
     return any(one.is_file() and one.stat().st_size > 0 for one in beside)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from curvescan.slam.loops.open_direction import along_walls
+from curvescan.slam.keyframes import along_walls
 
 ANGLE = 0.3
 
