@@ -147,9 +147,10 @@ NAMED = (
     ),
     _named(
         "a rejected match keeps its small covariance",
-        "odometry/gating.py",
+        "odometry/measurement.py",
         "expected.cov + config.recovery_covariance",
         "expected.cov",
+        "odometry/test_gating.py",
     ),
     _named(
         "the old velocity goes on after a match that nobody expected",

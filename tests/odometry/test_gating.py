@@ -10,7 +10,7 @@ import pytest
 
 from curvescan.matchers import MatchResult, Outcome
 from curvescan.odometry import MotionConfig
-from curvescan.odometry.gating import gate
+from curvescan.odometry.measurement import gate
 from curvescan.se2.uncertain import UncertainPose
 
 EXPECTED = UncertainPose(np.array([0.1, 0.0, 0.05]), np.diag([0.02**2, 0.02**2, 0.02**2]))
@@ -96,13 +96,13 @@ def test_a_matcher_without_scores_is_taken_at_its_word():
 
 def test_a_second_match_of_a_sweep_must_not_be_in_doubt_where_the_first_is_not():
     first = gate(matched(score=0.41), EXPECTED, CONFIG)
-    assert gate(matched((0.11, 0.0, 0.05), score=0.39), EXPECTED, CONFIG).is_as_good_as(first)
+    assert gate(matched((0.11, 0.0, 0.05), score=0.39), EXPECTED, CONFIG).standing >= first.standing
     far = gate(matched((-0.09, 0.0, 0.05), score=0.6), EXPECTED, CONFIG)
     failed = gate(matched(outcome=Outcome.UNSUPPORTED), EXPECTED, CONFIG)
     weak = gate(matched(**ALONG_X), EXPECTED, CONFIG)
     for doubtful in (far, failed, weak):
-        assert not doubtful.is_as_good_as(first)
-        assert first.is_as_good_as(doubtful)
+        assert not doubtful.standing >= first.standing
+        assert first.standing >= doubtful.standing
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.odometry.keyframes import Keyframe, Localization
+from curvescan.odometry.observation import Keyframe, Localization
 from curvescan.se2.uncertain import UncertainPose, compose, identity
 
 STEP = UncertainPose(np.array([1.0, 0.0, 0.1]), np.diag([1e-4, 1e-4, 1e-6]))

@@ -9,8 +9,8 @@ import pytest
 
 import curvescan as cs
 from curvescan.odometry import OdometryConfig, run_odometry
+from curvescan.odometry.measurement import Matching
 from curvescan.odometry.motion_model import Clock, Prediction
-from curvescan.odometry.observation import Matching
 from curvescan.se2.uncertain import UncertainPose, identity
 from tests.odometry.test_gating import matched
 

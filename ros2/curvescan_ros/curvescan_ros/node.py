@@ -99,7 +99,9 @@ class CurvescanNode(LifecycleNode):
 
     def __init__(self, **kwargs: object) -> None:
         super().__init__("curvescan", **kwargs)
-        self._p = {name: self.declare_parameter(name, value).value for name, value in PARAMETERS.items()}
+        for name, value in PARAMETERS.items():
+            self.declare_parameter(name, value)
+        self._p = self._read_parameters()
         self._tracker: Tracker | None = None
         self._map_sink: MapPublisher | None = None
         self._fault: curvescan.CurvescanError | None = None
@@ -120,6 +122,7 @@ class CurvescanNode(LifecycleNode):
     def on_configure(self, state: State) -> TransitionCallbackReturn:
         """Load the map and compile the kernels."""
         started = time.monotonic()
+        self._p = self._read_parameters()  # as AMCL: what was set since takes effect
         try:
             self._tracker = self._new_tracker()
             warm_up(lambda: curvescan.Odometry(self._p["method"]), self._p["method"])
@@ -171,7 +174,7 @@ class CurvescanNode(LifecycleNode):
 
     def on_cleanup(self, state: State) -> TransitionCallbackReturn:
         """Forget the map."""
-        self._tracker = self._motion = None
+        self._tracker = self._motion = self._map_odom = None
         for publisher in filter(None, (self._odom, self._map, self._pose, self._report, self._tf)):
             self.destroy_publisher(publisher)
         self._tf = None
@@ -195,6 +198,9 @@ class CurvescanNode(LifecycleNode):
         for heard in (*self._heard, *self._scans):
             next((end for kind, end in destroy.items() if isinstance(heard, kind)), self.destroy_subscription)(heard)
         self._heard = []
+
+    def _read_parameters(self) -> dict[str, object]:
+        return {name: self.get_parameter(name).value for name in PARAMETERS}
 
     @property
     def _topics(self) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass, field, fields, replace
 from itertools import count
 from pathlib import Path
@@ -34,12 +35,10 @@ LogPath: TypeAlias = Annotated[
         "or a ROS 2 bag's folder.",
     ),
 ]
-"""The log to read."""
 
 OutFolder: TypeAlias = Annotated[
     Path | None, tyro.conf.arg(help="Results folder; by default ./NAME-COMMAND, numbered.")
 ]
-"""Where results go."""
 
 
 def results_folder(out: Path | None, log: Path, what: str) -> Path:
@@ -66,8 +65,6 @@ MethodName: TypeAlias = Annotated[Method, tyro.conf.arg(help="The matcher.")]  #
 MapFile: TypeAlias = Annotated[
     Path, tyro.conf.arg(metavar="FILE", help="The map: map.csmap of `curvescan slam`, or map.yaml.")
 ]
-"""A map that was saved."""
-
 
 Chain: TypeAlias = Literal["auto", "keys", "last"]
 """What a scan is matched with: keyframes, the last scan, or what suits the method."""
@@ -79,7 +76,6 @@ ConfigFile: TypeAlias = Annotated[
         help="TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags override it.",
     ),
 ]
-"""Read by main()."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,7 +204,6 @@ class Reading:
 
 
 ReadingFlags: TypeAlias = Annotated[Reading, tyro.conf.arg(name="", help="How the log is read.")]
-"""How a log is read, as flags of their own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,6 +235,12 @@ class LogFlags:
         Preparation, tyro.conf.arg(name="", help="What of a log is used, and what is mended in it.")
     ] = Preparation()
     reading: ReadingFlags = Reading()
+
+    def options(self, matching: MatcherFlags) -> dict[str, Any]:
+        """Return what runs of all kinds are told alike."""
+        wanted, as_is = self.preparation.wanted, self.preparation.as_is
+        shared = {"method": matching.method, "matcher": matching.matcher, "command": tuple(sys.argv)}
+        return {**shared, "odometry_prior": wanted, "as_is": as_is}
 
 
 LogUse: TypeAlias = Annotated[LogFlags, tyro.conf.arg(name="")]

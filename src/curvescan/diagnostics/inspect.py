@@ -13,7 +13,7 @@ from curvescan.diagnostics.sensor import BeamOrder, SensorJudgement, judge_senso
 from curvescan.diagnostics.statistics import FixedBeams, LogStatistics
 from curvescan.diagnostics.top_of_range import Ring
 from curvescan.io.files.lines import ReadError
-from curvescan.io.log import GyroLog, Log, MountedLog
+from curvescan.io.log import Log, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Floats
 
@@ -183,7 +183,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         ring=statistics.top_of_range.ring(),
         odometry=None if odometry is None else _summarise_odometry(odometry, odometry_lag(log, odometry.poses[:, 2])),
         mount=_mount(log, odometry),
-        is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),
+        is_upside_down=isinstance(log, ScanAccess) and log.hangs_upside_down(),
         sense=sensor.rotation,
         gyroscope=_gyroscope(log, sensor.rotation),
         beam_order=sensor.beam_order,
@@ -197,7 +197,7 @@ def _gyroscope(log: Log, sense: RotationDirection | None) -> Gyroscope | None:
     """Return what sure matches say of a gyroscope; None where it is unused, reversed or in degrees."""
     if sense is None or sense.reference != "gyroscope" or sense.is_reversed or sense.is_in_degrees:
         return None
-    turned = log.turned_by_gyro() if isinstance(log, GyroLog) else None
+    turned = log.turned_by_gyro() if isinstance(log, ScanAccess) else None
     return None if turned is None else judge_gyroscope(log, turned)
 
 
@@ -234,7 +234,7 @@ def summarise_time(stamps: Floats) -> TimeSummary:
 
 def _mount(log: Log, odometry: Trajectory | None) -> tuple[float, float, float] | None:
     """Return the pose of the laser on the robot, from the poses of both."""
-    robot = log.robot_odometry() if isinstance(log, MountedLog) else None
+    robot = log.robot_odometry() if isinstance(log, ScanAccess) else None
     if robot is None or odometry is None:
         return None
     mounts = se2.between(robot.poses, odometry.poses)

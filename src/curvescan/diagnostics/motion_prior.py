@@ -15,7 +15,7 @@ from curvescan import se2
 from curvescan.deskew import deskew
 from curvescan.diagnostics.rotation_direction import RotationDirection, without_lag
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.log import EstimatedLog, GyroLog, Log
+from curvescan.io.log import Log, ScanAccess
 from curvescan.matchers import match
 from curvescan.scan import LaserScan
 from curvescan.se2 import wrap
@@ -95,7 +95,7 @@ def why_reference(log: Log, poses: Pose) -> str:
 
     The log says so (NEFF lines, frames of a bag), or the poses come back to places within centimetres: wheels drift.
     """
-    if isinstance(log, EstimatedLog) and (why := log.why_estimated()):
+    if isinstance(log, ScanAccess) and (why := log.why_estimated()):
         return why
     errors = _errors_of_visits(log, poses)
     if len(errors) < _N_SURE:
@@ -184,7 +184,7 @@ def _poses_of(log: Log, lag: float) -> tuple[str, Pose | None]:
     """Return what the motion is measured by, and the (n, 3) poses; the positions by a gyroscope are NaN."""
     if (odometry := log.odometry) is not None:
         return "wheel odometry", without_lag(odometry.stamps, odometry.poses, lag) if lag else odometry.poses
-    turned = log.turned_by_gyro() if isinstance(log, GyroLog) else None
+    turned = log.turned_by_gyro() if isinstance(log, ScanAccess) else None
     if turned is None:
         return "", None
     nowhere = np.full(turned.size, np.nan)

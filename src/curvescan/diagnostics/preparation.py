@@ -12,7 +12,7 @@ from curvescan.diagnostics.issues import Issue, find_issues
 from curvescan.diagnostics.motion_prior import Prior, choose_prior, straightened
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.io.arrays.memory import as_log
-from curvescan.io.log import GyroLog, HeldLog, Log, LogView
+from curvescan.io.log import HeldLog, Log, LogView, ScanAccess
 from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
@@ -172,7 +172,7 @@ class _Changed(LogView):
 def _corrected(log: Log, kinds: Collection[str], report: LogReport, range_max: float) -> Log:
     """Return a log with a limit of its readings, its gyroscope corrected, and its sweeps straightened by it."""
     seconds = report.time.step_median if "bent_sweeps" in kinds else 0.0
-    turned, rates = log.turned_by_gyro() if isinstance(log, GyroLog) else None, np.full(len(log), np.nan)
+    turned, rates = log.turned_by_gyro() if isinstance(log, ScanAccess) else None, np.full(len(log), np.nan)
     if turned is not None:
         bias = report.gyroscope.bias if report.gyroscope and "gyro_bias" in kinds else 0.0
         stamps = np.array([scan.stamp for scan in log])

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from curvescan import se2
-from curvescan.io.log import GyroLog, Log
+from curvescan.io.log import Log, ScanAccess
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -68,7 +68,7 @@ def rotation_of_log(log: Log) -> RotationDirection | None:
     """Return how a log's scans, read once more, turn against its wheels, or else its gyroscope; None without either."""
     if (odometry := log.odometry) is not None:
         return compare_rotation(log, odometry.poses[:, 2], "wheel odometry")
-    if isinstance(log, GyroLog) and (turned := log.turned_by_gyro()) is not None:
+    if isinstance(log, ScanAccess) and (turned := log.turned_by_gyro()) is not None:
         return compare_rotation(log, turned, "gyroscope")
     return None
 

@@ -16,7 +16,7 @@ from curvescan.configs import shipped_table
 from curvescan.diagnostics.breaks import Break, find_breaks
 from curvescan.diagnostics.issues import Issue, Sentences
 from curvescan.diagnostics.preparation import PreparedLog
-from curvescan.io.log import CountedLog
+from curvescan.io.log import ScanAccess
 from curvescan.odometry.run import RunRecord
 from curvescan.odometry.step import StepOutcome
 from curvescan.slam import Localizer, Slam
@@ -219,7 +219,7 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
     evidence = Evidence(
         engine=name,
         n_scans=len(poses),
-        n_recorded=log.n_recorded() if isinstance(log, CountedLog) else 0,
+        n_recorded=log.n_recorded() if isinstance(log, ScanAccess) else 0,
         is_cut=log is not None and any(error.is_end for error in log.read_errors),
         is_unmatched=record.is_failed,
         is_open=record.is_degenerate,

@@ -20,7 +20,7 @@ from curvescan import se2
 from curvescan.diagnostics.issues import Issue
 from curvescan.errors import InvalidArgumentError
 from curvescan.io import read_log
-from curvescan.io.log import Log, MountedLog
+from curvescan.io.log import Log, ScanAccess
 from curvescan.io.ros.transforms import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Odometry
@@ -133,7 +133,7 @@ def check_mounts(path: str | os.PathLike[str], *, uses_wheels: bool = True) -> l
     given = laser_mounts(Path(path))
     logs = {topic: read_log(path, topic=topic) for topic in given}
     first, laser = next(iter(logs.items()))
-    wheels = laser.robot_odometry() if uses_wheels and isinstance(laser, MountedLog) else None
+    wheels = laser.robot_odometry() if uses_wheels and isinstance(laser, ScanAccess) else None
     if wheels is None and len(logs) < 2:
         raise InvalidArgumentError(
             f"{path} holds one laser and no wheels: a mount is found from two sensors on one robot"

@@ -59,43 +59,11 @@ class Log(Protocol):
         """Return scan i, or a view of a slice; negative numbers count from the end. See :class:`ScanAccess`."""
 
 
-@runtime_checkable
-class MountedLog(Protocol):
-    """A log that knows how its laser is mounted, and so can give the motion of the robot as well as of the laser."""
-
-    def robot_odometry(self) -> Trajectory | None:
-        """Return the wheel odometry of the *robot* at each scan; None without."""
-
-    def hangs_upside_down(self) -> bool:
-        """Return whether the laser is mounted upside down; its scans are as it gave them all the same."""
-
-
-@runtime_checkable
-class GyroLog(Protocol):
-    """A log that also holds a gyroscope."""
-
-    def turned_by_gyro(self) -> Floats | None:
-        """Return (n_scans,) angles about z by the gyroscope at each scan, radians by REP-103, NaN where not covered."""
-
-
-@runtime_checkable
-class EstimatedLog(Protocol):
-    """A log that can tell poses that were estimated from its scans from wheel odometry."""
-
-    def why_estimated(self) -> str:
-        """Return what says that the poses come from SLAM, localization or laser odometry; empty where nothing does."""
-
-
-@runtime_checkable
-class CountedLog(Protocol):
-    """A log that knows how many scans were recorded, also where not all can be read."""
-
-    def n_recorded(self) -> int:
-        """Return the scans of the recording by its own count."""
-
-
 class ScanAccess:
-    """What makes ``log[i]``, ``log[a:b]`` and the ``repr`` of every log; a log inherits it and defines `_scan_at`."""
+    """What makes ``log[i]``, ``log[a:b]`` and the ``repr`` of every log, and what it may know of the robot besides.
+
+    A log inherits it, defines `_scan_at`, and what it knows.
+    """
 
     @overload
     def __getitem__(self, i: int) -> LaserScan: ...
@@ -111,6 +79,26 @@ class ScanAccess:
         except IndexError:
             raise IndexError(_no_scan(log, i)) from None
         return self._scan_at(number)
+
+    def robot_odometry(self) -> Trajectory | None:
+        """Return the wheel odometry of the *robot* at each scan; None where it, or the laser's mount, is not known."""
+        return None
+
+    def hangs_upside_down(self) -> bool:
+        """Return whether the laser is mounted upside down; its scans are as it gave them all the same."""
+        return False
+
+    def turned_by_gyro(self) -> Floats | None:
+        """Return (n_scans,) angles about z by the gyroscope at each scan, radians by REP-103, NaN where not covered."""
+        return None
+
+    def why_estimated(self) -> str:
+        """Return what says that the poses come from SLAM, localization or laser odometry; empty where nothing does."""
+        return ""
+
+    def n_recorded(self) -> int:
+        """Return the scans of the recording by its own count, also where not all can be read."""
+        return len(cast(Log, self))
 
     def __repr__(self) -> str:
         log = cast(Log, self)
@@ -137,24 +125,24 @@ class LogView(ScanAccess):
     notes = property(lambda self: cast(tuple[str, ...], self._log.notes))
 
     def robot_odometry(self) -> Trajectory | None:
-        """Return the wheel odometry of the robot, where the log below knows the laser's mount."""
-        return self._log.robot_odometry() if isinstance(self._log, MountedLog) else None
+        """Return what the log below says."""
+        return self._log.robot_odometry() if isinstance(self._log, ScanAccess) else None
 
     def hangs_upside_down(self) -> bool:
         """Return what the log below says."""
-        return isinstance(self._log, MountedLog) and self._log.hangs_upside_down()
+        return isinstance(self._log, ScanAccess) and self._log.hangs_upside_down()
 
     def turned_by_gyro(self) -> Floats | None:
-        """Return the angle that the gyroscope has turned by at each scan; None without one."""
-        return self._log.turned_by_gyro() if isinstance(self._log, GyroLog) else None
-
-    def n_recorded(self) -> int:
-        """Return the scans of the recording below; those of the log where it has no count."""
-        return self._log.n_recorded() if isinstance(self._log, CountedLog) else len(self._log)
+        """Return what the log below says."""
+        return self._log.turned_by_gyro() if isinstance(self._log, ScanAccess) else None
 
     def why_estimated(self) -> str:
         """Return what the log below says."""
-        return self._log.why_estimated() if isinstance(self._log, EstimatedLog) else ""
+        return self._log.why_estimated() if isinstance(self._log, ScanAccess) else ""
+
+    def n_recorded(self) -> int:
+        """Return what the log below says."""
+        return self._log.n_recorded() if isinstance(self._log, ScanAccess) else len(self._log)
 
     def __len__(self) -> int:
         return len(self._log)
@@ -180,12 +168,11 @@ class LogSlice(LogView):
         return self._rows(super().odometry)
 
     def robot_odometry(self) -> Trajectory | None:
-        """Return the wheel odometry of the robot at these scans, where the log knows the laser's mount."""
-        log = self._log
-        return self._rows(log.robot_odometry() if isinstance(log, MountedLog) else log.odometry)
+        """Return what the log below says of these scans."""
+        return self._rows(super().robot_odometry())
 
     def turned_by_gyro(self) -> Floats | None:
-        """Return the angle that the log's gyroscope has turned by at these scans; None without one."""
+        """Return what the log below says of these scans."""
         turned = super().turned_by_gyro()
         return None if turned is None else turned[list(self._numbers)]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.log import Log, LogView, MountedLog
+from curvescan.io.log import Log, LogView, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan, mirrored, swept_backwards
 
@@ -41,7 +41,7 @@ def apply_setup(log: Log, setup: SensorSetup) -> Log:
     """Return a log whose scans and odometry are as the setup has them: the log itself where nothing changes."""
     hangs = setup.upside_down
     if hangs is None:
-        hangs = isinstance(log, MountedLog) and log.hangs_upside_down()
+        hangs = isinstance(log, ScanAccess) and log.hangs_upside_down()
     is_mirrored = hangs != setup.clockwise
     if not (
         is_mirrored or any(setup.ignore_beams) or setup.laser_pose is not None or setup.drop_stale or setup.backwards
@@ -78,9 +78,8 @@ class _LogSetUp(LogView):
 
     def robot_odometry(self) -> Trajectory | None:
         """Return what the log says of the robot; with a pose of the laser given, its odometry is the robot's."""
-        if isinstance(self._log, MountedLog):
-            return super().robot_odometry()
-        return None if self.setup.laser_pose is None else self._log.odometry
+        robot = super().robot_odometry()
+        return robot if robot is not None or self.setup.laser_pose is None else self._log.odometry
 
     def hangs_upside_down(self) -> bool:
         """Return what the user says, else the log; the scans have been mirrored for it."""
@@ -90,19 +89,15 @@ class _LogSetUp(LogView):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        notes = []
-        if self._is_mirrored:
-            notes.append(
-                "the scans are mirrored: the laser "
-                + ("turns against what the log says" if self.setup.clockwise else "hangs upside down")
-            )
-        if self.setup.drop_stale:
-            notes.append("readings that repeat those of the sweep before are dropped")
-        if self.setup.backwards:
-            notes.append("the beams of each scan are turned round: they were swept in that order")
-        if any(self.setup.ignore_beams):
-            first, last = self.setup.ignore_beams
-            notes.append(f"the first {first:,} and the last {last:,} beams of each scan are ignored")
+        turned = "turns against what the log says" if self.setup.clockwise else "hangs upside down"
+        first, last = self.setup.ignore_beams
+        said = {
+            f"the scans are mirrored: the laser {turned}": self._is_mirrored,
+            "readings that repeat those of the sweep before are dropped": self.setup.drop_stale,
+            "the beams of each scan are turned round: they were swept in that order": self.setup.backwards,
+            f"the first {first:,} and the last {last:,} beams of each scan are ignored": first or last,
+        }
+        notes = [note for note, holds in said.items() if holds]
         if self.setup.laser_pose is not None:
             x, y, theta = self.setup.laser_pose
             notes.append(

@@ -12,10 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from curvescan.odometry.gating import SURE, GatedMatch, gate
-from curvescan.odometry.keyframes import Keyframe, Localization
+from curvescan.odometry.measurement import SURE, GatedMatch, gate
 from curvescan.odometry.motion_model import LONGEST_STEP
-from curvescan.odometry.observation import Gap, Observation, Placement
+from curvescan.odometry.observation import Gap, Keyframe, Localization, Observation, Placement
 from curvescan.odometry.step import StepOutcome
 from curvescan.se2.uncertain import UncertainPose, identity
 

@@ -1,20 +1,28 @@
-"""What a match measures where the scans leave a doubt: along a flat direction, or between poses.
+"""Measurement: one match of the odometry, weighed against what was expected, and which of two is preferred.
 
-The odometry knows the covariance of what it expects. What the scans alone say stands in the candidates of a match, and
-is weighed here.
+The odometry knows the covariance of what it expects. What the scans alone say where they leave a doubt, along a flat
+direction or between poses, stands in the candidates of a match.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.matchers import Candidate, MatchResult
+from curvescan.matchers import Candidate, MatchResult, PreparedScan, prepare
+from curvescan.matchers.registry import Matcher, MatcherConfig
 from curvescan.matchers.result import Outcome
-from curvescan.odometry.config import MotionConfig
-from curvescan.se2.uncertain import UncertainPose, fuse
+from curvescan.odometry.config import MotionConfig, OdometryConfig
+from curvescan.odometry.motion_model import Prediction
+from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose, compose, fuse
+
+SURE = 0.8
+"""Least confidence of a match that explains little of the scans, or bridges a gap: in an unseen room such ones come
+about by chance."""
 
 _OPEN = 100.0
 """Standard deviation of what is not measured, metres: more than any prediction errs."""
@@ -26,6 +34,145 @@ expectation may be."""
 _VAGUE_SIGMA = 0.08
 """Standard deviation of what is expected along a degenerate direction from which on the scans are matched without a
 guess, metres: below it they say nothing new, and what they say again and again of one keyframe errs alike."""
+
+
+class GatedMatch(NamedTuple):
+    """A match of the current scan with one reference."""
+
+    result: MatchResult  # how it went
+    # the scan seen from the reference: the match fused with what was expected; what was expected where the match failed
+    pose_keyframe_scan: UncertainPose
+    is_plausible: bool  # whether the match is about where it was expected
+    measured: UncertainPose  # what was fused with what was expected; what was expected where the match failed
+    # whether the match is about where the last motion leads, and another odometry, which says otherwise, was left out
+    is_prior_rejected: bool = False
+    # whether it was fused with the last motion repeated, although another odometry expected something
+    is_by_last_motion: bool = False
+
+    def made_without(self, expected: UncertainPose, config: MotionConfig) -> GatedMatch:
+        """Return a match that another odometry had no part in, and whether it contradicts that odometry."""
+        is_rejected = self.is_plausible and fuse(expected, self.measured)[1] > config.motion_gate_chi2
+        return self._replace(is_prior_rejected=is_rejected, is_by_last_motion=True)
+
+    @property
+    def is_fully_observed(self) -> bool:
+        """Whether the match measures all of the motion, with no direction left open."""
+        return self.result.ok and self.result.degenerate_direction is None
+
+    def is_confident(self, min_score: float) -> bool:
+        """Return whether nothing speaks against the match. A matcher without a score is trusted."""
+        return self.is_fully_observed and self.is_plausible and not self.result.score < min_score
+
+    def is_accepted(self, least_score: float) -> bool:
+        """Return whether the match may decide: one that explains little must lie where expected, and be sure."""
+        result = self.result
+        if not result.ok or not result.score < least_score:
+            return result.ok
+        return self.is_plausible and not result.confidence < SURE
+
+    @property
+    def standing(self) -> tuple[bool, bool, bool]:
+        """What speaks for the match: of two of the same scans the greater one is to be preferred."""
+        return self.result.ok, self.is_plausible, self.is_fully_observed
+
+    def is_better_than(self, other: GatedMatch, min_score: float) -> bool:
+        """Return whether this attempt is to be preferred to one with a reference that would rather be kept."""
+        one, two = (min(m.result.score, min_score) if m.is_plausible else m.result.score for m in (self, other))
+        return (*self.standing, one) > (*other.standing, two)
+
+
+def gate(
+    result: MatchResult,
+    expected: UncertainPose,
+    config: MotionConfig,
+    repeated: UncertainPose | None = None,
+    measured: UncertainPose | None = None,
+) -> GatedMatch:
+    """Return a match compared with what was expected.
+
+    The two are fused: along a corridor, which the match leaves open, the expected motion decides. Where they
+    contradict each other, what was expected counts as little as after a failure.
+    """
+    if not result.ok:
+        return GatedMatch(result, expected, False, expected)
+    if not config.is_fused:
+        found = UncertainPose(result.pose, result.covariance)
+        return GatedMatch(result, found, True, found)
+    found = as_measurement(result)
+    if measured is not None and fuse(expected, measured)[1] <= config.motion_gate_chi2:
+        found = measured
+    fused, distance = fuse(expected, found)
+    is_plausible = distance <= config.motion_gate_chi2
+    if repeated is not None and (result.degenerate_direction is None or not is_plausible):
+        by_last, last_distance = fuse(repeated, found)
+        if last_distance <= config.motion_gate_chi2:
+            return GatedMatch(result, by_last, True, found, is_prior_rejected=not is_plausible, is_by_last_motion=True)
+    if not is_plausible:
+        fused, _ = fuse(UncertainPose(expected.pose, expected.cov + config.recovery_covariance), found)
+    return GatedMatch(result, fused, is_plausible, found)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Matching:
+    """A matcher with its configuration, as the odometry uses it."""
+
+    method: str  # name of the matcher
+    matcher_config: MatcherConfig | None  # the matcher's configuration as it was given; None for its defaults
+    matcher: Matcher  # the matcher
+    config: OdometryConfig  # the odometry's configuration
+
+    def prepare(self, scan: LaserScan) -> PreparedScan:
+        """Return a scan ready to be matched."""
+        return prepare(scan, method=self.method, config=self.matcher_config)
+
+    def match(
+        self, reference: PreparedScan, current: PreparedScan, origin: UncertainPose, prediction: Prediction
+    ) -> GatedMatch:
+        """Return a match compared with what is expected of it, the last scan being at `origin` of the reference.
+
+        Another odometry is asked where the laser alone leaves a doubt: where the match fails, contradicts the last
+        motion or leaves a direction open, or where the guess decided it and the other odometry contradicts it. A match
+        that is sure is the same with and without it.
+        """
+        motion, min_score = self.config.motion, self.config.keyframes.min_score
+        expected = compose(origin, prediction.motion)
+        if not (prediction.is_measured and motion.is_fused):
+            return self._gated(reference, current, expected)
+        repeated = compose(origin, prediction.repeated)
+        alone = self._gated(reference, current, repeated).made_without(expected, motion)
+        is_sure = alone.is_fully_observed and alone.is_plausible
+        if is_sure and not (alone.is_prior_rejected and alone.result.is_guess_decisive):
+            return alone
+        guided = self._gated(reference, current, expected, repeated)
+        if is_sure:
+            # only the guess decided it: another one that is expected, too, must explain more
+            is_better = guided.is_better_than(alone, 1.0) and not guided.is_prior_rejected
+            return guided if is_better else alone
+        return alone if alone.is_better_than(guided, min_score) else guided
+
+    def _gated(
+        self,
+        reference: PreparedScan,
+        current: PreparedScan,
+        expected: UncertainPose,
+        repeated: UncertainPose | None = None,
+    ) -> GatedMatch:
+        """Return a match made from what is expected, compared with that or, where given, the last motion repeated."""
+        motion = self.config.motion
+        result = self.matcher.match(reference.features, current.features, expected)
+        measured = None
+        if motion.is_fused:
+            result = decided_by_expectation(result, expected, motion)
+            if result.ok and is_vague_along(expected, result):
+                # without a guess, where the scans do not show by themselves the place along the open direction
+                is_own = not result.is_guess_decisive and _is_placed(result.candidates[0])
+                own = result if is_own else self.matcher.match(reference.features, current.features, None)
+                measured = unguided_measurement(own)
+        return gate(result, expected, motion, repeated, measured)
+
+    def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
+        """Return a scan that others can be matched with, else None."""
+        return scan if self.matcher.can_be_reference(scan.features) else None
 
 
 def as_measurement(result: MatchResult) -> UncertainPose:
@@ -44,11 +191,6 @@ def is_vague_along(expected: UncertainPose, result: MatchResult) -> bool:
     x, y = result.degenerate_direction[:2]
     variance = np.array([x, y]) @ expected.cov[:2, :2] @ np.array([x, y])
     return bool(variance > _VAGUE_SIGMA**2 * (x * x + y * y))
-
-
-def has_unguided_pose(result: MatchResult) -> bool:
-    """Return whether a degenerate match shows by itself where the scans agree best along its degenerate direction."""
-    return not result.is_guess_decisive and _is_placed(result.candidates[0])
 
 
 def unguided_measurement(result: MatchResult) -> UncertainPose | None:

@@ -108,10 +108,7 @@ class MotionModel:
         )
 
     def predict(self, stamp: float, odometry_pose: Pose | None) -> Prediction:
-        """Return the expected pose of the next sensor frame in the last one.
-
-        odometry_pose (3,).
-        """
+        """Return the expected pose of the next sensor frame in the last one; odometry_pose (3,)."""
         clock, stretch = self.clock.ticked(stamp, self.config.memory)
         pose, cov = self.last.pose.copy(), self.last.cov.copy()
         cov[0, 0] += stretch**2 * self.variance_translation
@@ -137,21 +134,17 @@ class MotionModel:
         self, prediction: Prediction, motion: UncertainPose, *, is_plausible: bool, is_fully_observed: bool
     ) -> MotionModel:
         """Return the model after a scan whose motion was measured."""
-        variances = (
-            self._averaged_variances(motion.pose - self.last.pose) if is_fully_observed else self._inflated_variances()
-        )
+        model = self._changed_by(motion.pose - self.last.pose) if is_fully_observed else self._inflated()
+        if is_fully_observed and prediction.is_measured:
+            model = replace(model, odometry_noise=self._learned_noise(prediction, motion.pose))
         last = motion if is_plausible else identity()
-        noise = self._learned_noise(prediction, motion.pose) if is_fully_observed else None
         moved = self._moved(prediction, motion) if is_plausible else None
-        changed = self._changed(prediction, last, variances, moved, n_failures=0)
-        return changed if noise is None else replace(changed, odometry_noise=noise)
+        return replace(model.advanced(prediction), moved=moved, last=last, n_failures=0)
 
     def updated_without_match(self, prediction: Prediction, motion: UncertainPose) -> MotionModel:
         """Return the model after a scan that nothing matches, and for which `motion` was taken."""
-        n_failures = self.n_failures + 1
-        moved = self._moved(prediction, motion)
-        variances = self._inflated_variances()
-        return self._changed(prediction, motion, variances, moved, n_failures=n_failures)
+        moved, n_failures = self._moved(prediction, motion), self.n_failures + 1
+        return replace(self._inflated().advanced(prediction), moved=moved, last=motion, n_failures=n_failures)
 
     def is_exhausted(self, prediction: Prediction) -> bool:
         """Return whether the last motion has been repeated so often that one more failure ends it."""
@@ -198,53 +191,32 @@ class MotionModel:
             cov[2, 2] = self.odometry_noise[1] * variance
         return is_measured
 
-    def _learned_noise(self, prediction: Prediction, motion: Pose) -> tuple[float, float] | None:
-        """Return the noise of the other odometry after one more error of it; None without one."""
-        if not prediction.is_measured:
-            return None
+    def _learned_noise(self, prediction: Prediction, motion: Pose) -> tuple[float, float]:
+        """Return the noise of the other odometry after one more error of it."""
         x, y, theta = se2.between(prediction.motion.pose, motion).tolist()
-        cov = prediction.motion.cov
+        cov, most = prediction.motion.cov, self.config.motion_gate_chi2  # one slip is not a habit
         errors = (0.5 * (x * x + y * y) / cov[0, 0], theta * theta / cov[2, 2])
-        most = self.config.motion_gate_chi2  # one slip is not a habit
         translation, turn = (
             old * (1.0 + (min(error, most) - 1.0) / self.config.memory)
             for old, error in zip(self.odometry_noise, errors, strict=True)
         )
         return (min(max(translation, _LEAST_NOISE), _MOST_NOISE), min(max(turn, _LEAST_NOISE), _MOST_NOISE))
 
-    def _changed(
-        self,
-        prediction: Prediction,
-        last: UncertainPose,
-        variances: tuple[float, float],
-        moved: Pose | None,
-        *,
-        n_failures: int,
-    ) -> MotionModel:
-        return replace(
-            self.advanced(prediction),
-            moved=moved,
-            last=last,
-            variance_translation=variances[0],
-            variance_turn=variances[1],
-            n_failures=n_failures,
-        )
-
-    def _averaged_variances(self, change: Pose) -> tuple[float, float]:
-        config = self.config
+    def _changed_by(self, change: Pose) -> MotionModel:
+        """Return the model after one more change of the motion was seen."""
         x, y, theta = change.tolist()
         theta = wrap_angle(theta)
-        square = 0.5 * (x * x + y * y)
-        return (
-            self._averaged(self.variance_translation, square, config.least_sigma_m),
-            self._averaged(self.variance_turn, theta * theta, config.least_sigma_m),
+        return replace(
+            self,
+            variance_translation=self._averaged(self.variance_translation, 0.5 * (x * x + y * y)),
+            variance_turn=self._averaged(self.variance_turn, theta * theta),
         )
 
-    def _inflated_variances(self) -> tuple[float, float]:
+    def _inflated(self) -> MotionModel:
         """Expect again, bit by bit, such turns as before any was seen: a robot starts to turn at once, not to drive."""
         wide = max(self.config.sigma_m**2, self.variance_turn)
-        return (self.variance_translation, self.variance_turn + (wide - self.variance_turn) / self.config.memory)
+        return replace(self, variance_turn=self.variance_turn + (wide - self.variance_turn) / self.config.memory)
 
-    def _averaged(self, variance: float, square: float, least: float) -> float:
+    def _averaged(self, variance: float, square: float) -> float:
         square = min(square, self.config.motion_gate_chi2 * variance)  # one leap is not a habit
-        return max(variance + (square - variance) / self.config.memory, least**2)
+        return max(variance + (square - variance) / self.config.memory, self.config.least_sigma_m**2)

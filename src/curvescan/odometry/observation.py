@@ -1,4 +1,4 @@
-"""The records that pass through one ``Odometry.add``: state, observation, placement."""
+"""The records that pass through one ``Odometry.add``: keyframes, state, observation, placement."""
 
 from __future__ import annotations
 
@@ -6,89 +6,54 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from curvescan.matchers import MatchResult, PreparedScan, prepare
-from curvescan.matchers.registry import Matcher, MatcherConfig
+from curvescan.matchers import MatchResult, PreparedScan
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
-from curvescan.odometry.gating import GatedMatch, gate
-from curvescan.odometry.keyframes import Keyframe, Localization
-from curvescan.odometry.measurement import (
-    decided_by_expectation,
-    has_unguided_pose,
-    is_vague_along,
-    unguided_measurement,
-)
+from curvescan.odometry.measurement import GatedMatch, Matching
 from curvescan.odometry.motion_model import MotionModel, Prediction
 from curvescan.odometry.step import StepOutcome
 from curvescan.scan import LaserScan
-from curvescan.se2.uncertain import UncertainPose, compose, identity
+from curvescan.se2.uncertain import UncertainPose, between, compose, identity
 from curvescan.types import Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Matching:
-    """A matcher with its configuration, as the odometry uses it."""
+class Keyframe:
+    """One keyframe."""
 
-    method: str  # name of the matcher
-    matcher_config: MatcherConfig | None  # the matcher's configuration as it was given; None for its defaults
-    matcher: Matcher  # the matcher
-    config: OdometryConfig  # the odometry's configuration
+    scan: PreparedScan  # the scan, ready to be matched with
+    index: int  # number of the scan in the stream
+    pose_map_keyframe: UncertainPose  # its sensor in the frame of the first scan
 
-    def prepare(self, scan: LaserScan) -> PreparedScan:
-        """Return a scan ready to be matched."""
-        return prepare(scan, method=self.method, config=self.matcher_config)
 
-    def match(
-        self, reference: PreparedScan, current: PreparedScan, origin: UncertainPose, prediction: Prediction
-    ) -> GatedMatch:
-        """Return a match compared with what is expected of it, the last scan being at `origin` of the reference.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Localization:
+    """Where a scan is, relative to a keyframe."""
 
-        Another odometry is asked where the laser alone leaves a doubt: where the match fails, contradicts the last
-        motion or leaves a direction open, or where the guess decided it and the other odometry contradicts it. A match
-        that is sure is the same with and without it.
-        """
-        motion, min_score = self.config.motion, self.config.keyframes.min_score
-        expected = compose(origin, prediction.motion)
-        if not (prediction.is_measured and motion.is_fused):
-            return self._gated(reference, current, expected)
-        repeated = compose(origin, prediction.repeated)
-        alone = self._gated(reference, current, repeated).made_without(expected, motion)
-        is_sure = alone.is_fully_observed and alone.is_plausible
-        if is_sure and not (alone.is_prior_rejected and alone.result.is_guess_decisive):
-            return alone
-        guided = self._gated(reference, current, expected, repeated)
-        if is_sure:
-            # only the guess decided it: another one that is expected, too, must explain more
-            is_better = guided.is_better_than(alone, 1.0) and not guided.is_prior_rejected
-            return guided if is_better else alone
-        return alone if alone.is_better_than(guided, min_score) else guided
+    keyframe: Keyframe  # the keyframe
+    pose_keyframe_scan: UncertainPose  # the scan seen from it
+    is_measured: bool = False  # whether a match measured all of it, with no direction left to what was expected
 
-    def _gated(
-        self,
-        reference: PreparedScan,
-        current: PreparedScan,
-        expected: UncertainPose,
-        repeated: UncertainPose | None = None,
-    ) -> GatedMatch:
-        """Return a match made from what is expected, compared with that or, where given, the last motion repeated."""
-        motion = self.config.motion
-        result = self.matcher.match(reference.features, current.features, expected)
-        measured = None
-        if motion.is_fused:
-            result = decided_by_expectation(result, expected, motion)
-            if result.ok and is_vague_along(expected, result):
-                measured = self._unguided(reference, current, result)
-        return gate(result, expected, motion, repeated, measured)
+    @property
+    def pose_map_scan(self) -> UncertainPose:
+        """The scan in the frame of the first one."""
+        return compose(self.keyframe.pose_map_keyframe, self.pose_keyframe_scan)
 
-    def _unguided(self, reference: PreparedScan, current: PreparedScan, result: MatchResult) -> UncertainPose | None:
-        """Return what two scans say without a guess, whose match with one leaves a direction open."""
-        if not has_unguided_pose(result):
-            result = self.matcher.match(reference.features, current.features, None)
-        return unguided_measurement(result)
+    def moved(self, motion: UncertainPose) -> Localization:
+        """Return where a motion leads from here."""
+        return Localization(keyframe=self.keyframe, pose_keyframe_scan=compose(self.pose_keyframe_scan, motion))
 
-    def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
-        """Return a scan that others can be matched with, else None."""
-        return scan if self.matcher.can_be_reference(scan.features) else None
+    def relative_to(self, keyframe: Keyframe) -> UncertainPose:
+        """Return the same place seen from another keyframe, an earlier one or the same."""
+        if keyframe is self.keyframe:
+            return self.pose_keyframe_scan
+        return between(keyframe.pose_map_keyframe, self.pose_map_scan)
+
+    def as_keyframe(self, scan: PreparedScan, index: int, variance_retained: float) -> Keyframe:
+        """Return a keyframe at this place; of the variance that a match measured a share is retained."""
+        share = variance_retained if self.is_measured else 1.0
+        here = UncertainPose(self.pose_keyframe_scan.pose, share * self.pose_keyframe_scan.cov)
+        return Keyframe(scan=scan, index=index, pose_map_keyframe=compose(self.keyframe.pose_map_keyframe, here))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -18,10 +18,11 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import Matcher, MatcherConfig, Method, find_matcher
 from curvescan.odometry.config import OdometryConfig
+from curvescan.odometry.measurement import Matching
 from curvescan.odometry.motion_model import MotionModel
-from curvescan.odometry.observation import Matching, Observation, Placement, State, try_references
+from curvescan.odometry.observation import Observation, Placement, State
 from curvescan.odometry.step import Step, StepOutcome
-from curvescan.odometry.strategies import STRATEGIES, start
+from curvescan.odometry.strategies import place
 from curvescan.scan import LaserScan, as_odometry_pose
 
 
@@ -117,7 +118,7 @@ class Odometry:
             state=state,
             matching=self._matching,
         )
-        placement = _place(observation)
+        placement = place(observation)
         self._commit(observation, placement)
         watch.report()
         return _as_step(observation, placement)
@@ -141,16 +142,6 @@ class Odometry:
             gap=placement.gap,
             score=math.nan if placement.match is None else placement.match.score,
         )
-
-
-def _place(observation: Observation) -> Placement:
-    """Return where a scan is: what the first strategy says that can place it."""
-    last = observation.state.localization
-    if last is None:
-        return start(observation)
-    attempt = try_references(observation, last)
-    placements = (strategy(observation, attempt) for strategy in STRATEGIES)
-    return next(placement for placement in placements if placement is not None)
 
 
 def _as_step(observation: Observation, placement: Placement) -> Step:

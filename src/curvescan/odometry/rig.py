@@ -24,7 +24,7 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.io import read_log
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.io.files.lines import as_path
-from curvescan.io.log import MountedLog
+from curvescan.io.log import ScanAccess
 from curvescan.io.ros.transforms import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry.odometry import Odometry
@@ -129,7 +129,7 @@ class Rig:
         points = np.concatenate(
             [
                 se2.transform(
-                    se2.compose(_moved(twist, stamps[name] - stamp), self.mounts[name]),
+                    se2.compose(se2.exp(twist * (stamps[name] - stamp)), self.mounts[name]),
                     _seen_points(scan, twist, self.mounts[name]),
                 )
                 for name, scan in scans.items()
@@ -160,9 +160,10 @@ class Rig:
         unknown = sorted(set(logs) - set(self.mounts))
         if unknown:
             raise InvalidArgumentError(f"logs must be of {', '.join(self.mounts)}, got {', '.join(unknown)}")
-        groups = _Groups(len(logs))
-        for name, scan in _merged(logs):
-            if (group := groups.add(name, scan)) is not None:
+        groups = RigJoiner(len(logs))
+        streams = [zip(itertools.repeat(name), log, strict=False) for name, log in logs.items()]
+        for name, scan in heapq.merge(*streams, key=lambda item: item[1].stamp):
+            if (group := groups.collect(name, scan)) is not None:
                 yield group
         if groups.begun:
             yield groups.begun
@@ -237,7 +238,7 @@ class Rig:
             scans.append(joiner.join(group))
             joiner.moved(scans[-1], odometry.add(scans[-1]).motion)
         laser = next(iter(logs.values()))
-        wheels = laser.robot_odometry() if isinstance(laser, MountedLog) else None
+        wheels = laser.robot_odometry() if isinstance(laser, ScanAccess) else None
         stamps = np.array([scan.stamp for scan in scans])
         return MemoryLog(
             scans=tuple(scans),
@@ -248,14 +249,15 @@ class Rig:
         )
 
 
-class _Groups:
-    """Sweeps in groups of one time: complete, or begun anew by a laser's second sweep."""
+class RigJoiner:
+    """Joins the sweeps of a rig as they come, each group moved by the velocity that the step before it had."""
 
-    def __init__(self, n_lasers: int) -> None:
-        self._n_lasers = n_lasers
-        self.begun: dict[str, LaserScan] = {}
+    def __init__(self, n_lasers: int, rig: Rig | None = None) -> None:
+        self.rig, self._n_lasers = rig, n_lasers
+        self.begun: dict[str, LaserScan] = {}  # the sweeps of a group that is not complete
+        self._velocity, self._before = np.zeros(3), math.nan
 
-    def add(self, name: str, scan: LaserScan) -> dict[str, LaserScan] | None:
+    def collect(self, name: str, scan: LaserScan) -> dict[str, LaserScan] | None:
         """Return a group that this sweep completes or ends; None while it waits for the other lasers."""
         ended = self.begun if name in self.begun else None
         if ended is not None:
@@ -264,18 +266,6 @@ class _Groups:
         if len(self.begun) == self._n_lasers:
             ended, self.begun = self.begun, {}
         return ended
-
-
-class RigJoiner:
-    """Joins the sweeps of a rig as they come, each group moved by the velocity that the step before it had."""
-
-    def __init__(self, n_lasers: int, rig: Rig | None = None) -> None:
-        self.rig, self._groups = rig, _Groups(n_lasers)
-        self._velocity, self._before = np.zeros(3), math.nan
-
-    def collect(self, name: str, scan: LaserScan) -> dict[str, LaserScan] | None:
-        """Return a group that this sweep completes or ends; None while it waits for the other lasers."""
-        return self._groups.add(name, scan)
 
     def join(self, scans: Mapping[str, LaserScan]) -> LaserScan:
         """Return a group of sweeps as one scan of a sensor at the base."""
@@ -299,16 +289,6 @@ def poses_at(track: Trajectory, stamps: Floats) -> Pose:
         np.interp(stamps, track.stamps[known], column, left=np.nan, right=np.nan) for column in (x, y, np.unwrap(theta))
     ]
     return np.stack(columns, axis=-1)
-
-
-def _merged(logs: Mapping[str, Iterable[LaserScan]]) -> Iterator[tuple[str, LaserScan]]:
-    """Return the sweeps of all lasers by their stamps."""
-    streams = [zip(itertools.repeat(name), log, strict=False) for name, log in logs.items()]
-    return heapq.merge(*streams, key=lambda item: item[1].stamp)
-
-
-def _moved(twist: Floats, seconds: float) -> Pose:
-    return se2.exp(twist * seconds)
 
 
 def _seen_points(scan: LaserScan, twist: Floats, mount: Pose) -> Points:

@@ -1,19 +1,16 @@
-"""How a scan is placed: a table of strategies, each of which places it or leaves it to the next.
+"""How a scan is placed; nothing here changes any state.
 
-0. ``start``: the first scan is the origin.
-1. ``track``: matched with the keyframe in use or with the previous scan.
-2. ``extrapolate``: the expected motion is taken, until what was in use before the failure matches; if nothing does
+0. The first scan is the origin.
+1. ``_track``: matched with the keyframe in use or with the previous scan.
+2. ``_extrapolate``: the expected motion is taken, until what was in use before the failure matches; if nothing does
    for a few scans the track is lost, and starts anew.
-
-Each takes the observation and what its first matches gave, and returns a placement or None; none changes any state.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,33 +18,31 @@ from curvescan import se2
 from curvescan.matchers import PreparedScan
 from curvescan.odometry.config import KeyframesConfig
 from curvescan.odometry.gaps import open_gap, question_link, settle_gap, with_keyframe
-from curvescan.odometry.gating import GatedMatch
-from curvescan.odometry.keyframes import Keyframe, Localization
-from curvescan.odometry.measurement import as_measurement
-from curvescan.odometry.observation import Attempt, Observation, Placement
+from curvescan.odometry.measurement import GatedMatch
+from curvescan.odometry.observation import Attempt, Keyframe, Localization, Observation, Placement, try_references
 from curvescan.odometry.step import StepOutcome
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 
-Strategy: TypeAlias = Callable[[Observation, Attempt], Placement | None]
-"""Places a scan, or leaves it to the next strategy."""
+
+def place(observation: Observation) -> Placement:
+    """Return where a scan is."""
+    o, last = observation, observation.state.localization
+    if last is None:
+        keyframe = Keyframe(scan=o.current, index=o.index, pose_map_keyframe=identity())
+        return Placement(
+            outcome=StepOutcome.STARTED,
+            localization=Localization(keyframe=keyframe, pose_keyframe_scan=identity()),
+            current=o.current,
+            motion=o.state.motion.advanced(o.prediction),
+            step_motion=identity(),
+        )
+    attempt = try_references(o, last)
+    return _track(o, attempt) or _extrapolate(o, attempt)
 
 
-def start(observation: Observation) -> Placement:
-    """Return the placement of the first scan: the origin, and the first keyframe."""
-    o = observation
-    keyframe = Keyframe(scan=o.current, index=o.index, pose_map_keyframe=identity())
-    return Placement(
-        outcome=StepOutcome.STARTED,
-        localization=Localization(keyframe=keyframe, pose_keyframe_scan=identity()),
-        current=o.current,
-        motion=o.state.motion.advanced(o.prediction),
-        step_motion=identity(),
-    )
-
-
-def track(observation: Observation, attempt: Attempt) -> Placement | None:
-    """Return where the keyframe in use or the previous scan shows a scan, with a loop closure where there is one."""
-    o, config = observation, observation.config.keyframes
+def _track(o: Observation, attempt: Attempt) -> Placement | None:
+    """Return where the keyframe in use or the previous scan shows a scan; None where neither does."""
+    config = o.config.keyframes
     if not attempt.gated.is_accepted(config.least_score):
         return None
     keyframe = attempt.last.keyframe
@@ -58,7 +53,11 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
         keyframe = replace(keyframe, scan=sweep.first)
     gated, result = sweep.gated, sweep.gated.result
     expected = o.prediction.repeated if gated.is_by_last_motion else o.expected
-    motion = fuse(expected, compose(inverse(attempt.origin), gated.measured or as_measurement(result)))[0]
+    measured = compose(inverse(attempt.origin), gated.measured)
+    motion = step_motion = fuse(expected, measured)[0]
+    if not gated.is_plausible:
+        doubtful = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
+        step_motion = fuse(doubtful, measured)[0]
     localization = Localization(
         keyframe=keyframe, pose_keyframe_scan=gated.pose_keyframe_scan, is_measured=gated.is_fully_observed
     )
@@ -69,7 +68,8 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
         motion=o.state.motion.updated(
             o.prediction, motion, is_plausible=gated.is_plausible, is_fully_observed=gated.is_fully_observed
         ),
-        step_motion=_step_motion(o, attempt, gated),
+        # as the poses have it
+        step_motion=UncertainPose(se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose), step_motion.cov),
         gap=o.state.gap,
         match=result,
         is_prior_rejected=gated.is_prior_rejected,
@@ -84,9 +84,9 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
     return with_keyframe(o, settled)
 
 
-def extrapolate(observation: Observation, attempt: Attempt) -> Placement:
+def _extrapolate(o: Observation, attempt: Attempt) -> Placement:
     """Return where the expected motion leads; the scan becomes the next reference if it can be one."""
-    o, last, failed = observation, attempt.last, attempt.gated.result
+    last, failed = attempt.last, attempt.gated.result
     # a match that was rejected: something did happen
     motion = o.prediction.inflated(o.config.motion) if failed.ok else o.expected
     is_held = o.state.motion.is_exhausted(o.prediction)
@@ -119,10 +119,6 @@ def extrapolate(observation: Observation, attempt: Attempt) -> Placement:
     return with_keyframe(o, placement)  # a robot is never stuck on an old reference
 
 
-STRATEGIES: tuple[Strategy, ...] = (track, extrapolate)
-"""In the order they are tried; the last one always places the scan."""
-
-
 class _Sweep(NamedTuple):
     """A match, the scan as it was deskewed for it, and the first scan of the stream where that was deskewed anew."""
 
@@ -143,7 +139,7 @@ def _with_better_sweep(o: Observation, attempt: Attempt, keyframe: Keyframe) -> 
     if o.state.first is not None:  # its velocity was not known
         reference = first = o.matching.prepare(o.deskewer.deskewed(o.state.first, found))
     again = o.matching.match(reference, better, attempt.origin, o.prediction)
-    if again.is_as_good_as(gated):
+    if again.standing >= gated.standing:
         return _Sweep(again, better, first)
     return _Sweep(gated, o.current, first)
 
@@ -153,13 +149,3 @@ def _is_leaving(localization: Localization, score: float, config: KeyframesConfi
     x, y, theta = localization.pose_keyframe_scan.pose.tolist()
     is_far = math.hypot(x, y) >= config.distance or abs(theta) >= config.turn
     return is_far or score < config.min_score
-
-
-def _step_motion(o: Observation, attempt: Attempt, gated: GatedMatch) -> UncertainPose:
-    """Return the motion since the previous scan as the poses have it, with the covariance of expectation and match."""
-    expected = o.prediction.repeated if gated.is_by_last_motion else o.expected
-    if not gated.is_plausible:
-        expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
-    measured = compose(inverse(attempt.origin), gated.measured or as_measurement(gated.result))
-    pose = se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose)
-    return UncertainPose(pose, fuse(expected, measured)[0].cov)

@@ -698,9 +698,9 @@ def test_memory_does_not_grow_with_the_bag(tmp_path: Path, kind: str) -> None:
         assert n_read == len(log) == n_scans
         return peak
 
-    small, large = peak_of(400), peak_of(4000)  # 3 MB and 32 MB
+    small, large = peak_of(400), peak_of(2200)  # 3 MB and 18 MB
     # the index of a ROS 1 bag takes some 150 bytes a message; a scan here has 8,000
-    assert large < small + 3600 * 400
+    assert large < small + 1800 * 400
 
 
 # ---- odometry

@@ -7,8 +7,17 @@ import numpy as np
 import pytest
 
 from curvescan import InvalidArgumentError, LogFileError, LogFormatError, load_map, simulate
-from curvescan.slam.editing.edits import Edit, added, ask_match, edit_of, edited, edits_text, read_edits, write_edits
-from curvescan.slam.editing.saving import save_map_folder
+from curvescan.slam.editing.edits import (
+    Edit,
+    added,
+    ask_match,
+    edit_of,
+    edited,
+    edits_text,
+    read_edits,
+    save_map_folder,
+    write_edits,
+)
 from curvescan.slam.pose_graph.graph import EdgeKind
 from tests.slam.editing.ring import N, false_closure, ring
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import tyro
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -97,15 +96,8 @@ def _job(rules: OdometryFlags, slam: SlamConfig | None, use: LogFlags, occupancy
     from curvescan.runs.batch.jobs import LogOptions, OdometryJob, SlamJob
 
     reading = use.reading
-    shared: dict[str, Any] = {
-        "method": rules.matching.method,
-        "matcher": rules.matching.matcher,
-        "odometry_prior": use.preparation.wanted,
-        "as_is": use.preparation.as_is,
-        "occupancy": occupancy,
-        "logs": LogOptions(range_max=reading.range_max, topic=reading.topic, setup=reading.setup()),
-        "command": tuple(sys.argv),
-    }
+    logs = LogOptions(range_max=reading.range_max, topic=reading.topic, setup=reading.setup())
+    shared = {"occupancy": occupancy, "logs": logs, **use.options(rules.matching)}
     return OdometryJob(config=rules.config(), **shared) if slam is None else SlamJob(config=slam, **shared)
 
 

@@ -95,7 +95,7 @@ def edit_map(
         Also write the keyframes as trajectory.kitti, graph.g2o or run.mcap.
     """
     from curvescan.slam.editing import operations
-    from curvescan.slam.editing.saving import keyframe_trajectory, map_folder
+    from curvescan.slam.editing.edits import keyframe_trajectory, map_folder
     from curvescan.slam.localization.grid_map import opened
 
     out = results_folder(out, file, "map")

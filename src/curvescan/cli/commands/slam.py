@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,20 +78,9 @@ def _run(
     from curvescan.cli.summary import report
 
     source = use.reading.open(log)
+    options |= use.options(matching)
     with run_display() as display:
-        result = run(
-            source,
-            out=out,
-            method=matching.method,
-            matcher=matching.matcher,
-            odometry_prior=use.preparation.wanted,
-            as_is=use.preparation.as_is,
-            command=sys.argv,
-            source=log,
-            keeps_steps=False,
-            display=display,
-            **options,
-        )
+        result = run(source, out=out, source=log, keeps_steps=False, display=display, **options)
     return report(result, out)
 
 
@@ -150,8 +138,7 @@ def slam(
 def _mended(path: Path | None, flags: EditFlags, out: Path | None) -> SlamMap:
     """Return the map with its edits, written with them into a folder, if there is one."""
     from curvescan.slam import load_map
-    from curvescan.slam.editing.edits import Edit, added, edited, read_edits
-    from curvescan.slam.editing.saving import save_map_folder
+    from curvescan.slam.editing.edits import Edit, added, edited, read_edits, save_map_folder
 
     if path is None:
         raise InvalidArgumentError("give a LOG; or --map, and with --drop, --add or --edits what to mend in it")

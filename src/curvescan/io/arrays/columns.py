@@ -122,10 +122,6 @@ class StreamLog(ScanAccess):
         poses = se2.compose(laser.poses, se2.inverse(self._mount))
         return Trajectory(stamps=laser.stamps, poses=poses)
 
-    def hangs_upside_down(self) -> bool:
-        """Return False: no such source says so."""
-        return False
-
     def __len__(self) -> int:
         return len(self._stamps)
 

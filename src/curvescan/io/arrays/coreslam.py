@@ -15,7 +15,6 @@ import numpy as np
 from curvescan import se2
 from curvescan.io.arrays.columns import Record, StreamLog
 from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter, read_line_at, read_lines
-from curvescan.io.log import PoseRow
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
@@ -52,19 +51,22 @@ def open_coreslam(path: Path, *, range_max: float | None = None, topic: str | No
 
 
 def _records(path: Path, range_max: float, read_errors: ReadErrorCounter) -> Iterator[Record]:
-    wheels = _Wheels()
+    ticks: tuple[int, int] | None = None
+    robot = se2.identity()
     for number, offset, line in read_lines(path, read_errors):
         fields = line.split()
         if not fields:
             continue
         try:
             scan = _scan(fields, range_max)
-            pose = wheels.move(int(fields[2]), int(fields[3]))
+            now = int(fields[2]), int(fields[3])
+            robot, ticks = _moved(robot, ticks or now, now), now
+            x, y, theta = se2.compose(robot, np.array(MOUNT)).tolist()
         except (BrokenRecordError, ValueError, OverflowError) as error:
             is_ours = isinstance(error, BrokenRecordError)
             read_errors.add(str(error) if is_ours else "line with a field that is no number", number)
             continue
-        yield Record(scan, pose, (offset,))
+        yield Record(scan, (x, y, theta), (offset,))
 
 
 def _scan(fields: list[bytes], range_max: float) -> LaserScan:
@@ -90,23 +92,10 @@ def _scan(fields: list[bytes], range_max: float) -> LaserScan:
     )
 
 
-class _Wheels:
-    """Dead reckoning: pose of the laser in the frame in which the rover started."""
-
-    def __init__(self) -> None:
-        self._ticks: tuple[int, int] | None = None
-        self._pose: Pose = se2.identity()
-
-    def move(self, left: int, right: int) -> PoseRow:
-        """Return the pose after the wheels have come to these counts, on an arc of constant curvature."""
-        last = self._ticks or (left, right)
-        way_left, way_right = TICK * (left - last[0]), TICK * (right - last[1])
-        way, turn = 0.5 * (way_left + way_right), (way_right - way_left) / AXLE
-        # along the chord of the arc, whose direction is the mean of the two headings
-        chord = way * float(np.sinc(turn / (2.0 * math.pi)))
-        half = 0.5 * turn
-        step = np.array([chord * math.cos(half), chord * math.sin(half), turn])
-        self._ticks = left, right
-        self._pose = se2.compose(self._pose, step)
-        x, y, theta = se2.compose(self._pose, np.array(MOUNT)).tolist()
-        return x, y, theta
+def _moved(pose: Pose, last: tuple[int, int], ticks: tuple[int, int]) -> Pose:
+    """Return the pose of the rover after its wheels have come to these counts, on an arc of constant curvature."""
+    way_left, way_right = TICK * (ticks[0] - last[0]), TICK * (ticks[1] - last[1])
+    way, turn = 0.5 * (way_left + way_right), (way_right - way_left) / AXLE
+    # along the chord of the arc, whose direction is the mean of the two headings
+    chord = way * float(np.sinc(turn / (2.0 * math.pi)))
+    return se2.compose(pose, np.array([chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn), turn]))

@@ -83,10 +83,6 @@ class CarmenLog(ScanAccess):
         """Return the robot's pose at each sweep if the log has it besides the laser's; else ``odometry``."""
         return _trajectory(self._series.stamps, self._series.robot_poses) or self.odometry
 
-    def hangs_upside_down(self) -> bool:
-        """Return False: a CARMEN log does not say."""
-        return False
-
     def why_estimated(self) -> str:
         """Return what says that the poses are the output of a SLAM: NEFF lines, which GMapping writes."""
         n_lines = self._index.tag_counts.get("NEFF", 0)

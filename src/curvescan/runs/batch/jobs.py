@@ -110,21 +110,10 @@ class _LogJob:
         from curvescan.evaluation.trajectory_errors import travelled
         from curvescan.runs.run import run
 
-        result = run(
-            self.logs.open(log),
-            self.engine,
-            out=folder,
-            method=self.method,
-            config=self.config,
-            matcher=self.matcher,
-            odometry_prior=self.odometry_prior,
-            as_is=self.as_is,
-            occupancy=self.occupancy,
-            command=self.command,
-            source=log,
-            keeps_steps=False,
-            n_processes=1,  # the workers have the cores
-        )
+        options = {name: value for name, value in vars(self).items() if name != "logs"}
+        # one process: the workers have the cores
+        options |= {"source": log, "keeps_steps": False, "n_processes": 1}
+        result = run(self.logs.open(log), self.engine, out=folder, **options)
         return JobResult(
             is_trusted=result.verdict.is_trusted,
             sentence=result.verdict.sentence,

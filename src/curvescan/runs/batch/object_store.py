@@ -213,7 +213,15 @@ class Claims:
     def confirm(self, name: str) -> bool:
         """Return whether a log is still this batch's."""
         with self._lock:
-            return self._renew(name)
+            tag = self._held.get(name)
+            if tag is None:
+                return False
+            new = self._bucket.replace(f"{self._prefix}/{name}.json", self._content(), tag)
+            if new is None:  # this process stood still for longer than the lease
+                del self._held[name]
+                return False
+            self._held[name] = new
+            return True
 
     def release(self, name: str) -> None:
         """Give up a claim."""
@@ -255,23 +263,12 @@ class Claims:
             )
         return None
 
-    def _renew(self, name: str) -> bool:
-        tag = self._held.get(name)
-        if tag is None:
-            return False
-        new = self._bucket.replace(f"{self._prefix}/{name}.json", self._content(), tag)
-        if new is None:  # this process stood still for longer than the lease
-            del self._held[name]
-            return False
-        self._held[name] = new
-        return True
-
     def _renew_all(self) -> None:
         while not self._over.wait(self._lease / _RENEWALS):
             for name in list(self._held):
                 # a store that cannot be reached now is tried again at the next turn
-                with self._lock, suppress(StorageError):
-                    self._renew(name)
+                with suppress(StorageError):
+                    self.confirm(name)
 
 
 def _is_dead(owner: object) -> bool:

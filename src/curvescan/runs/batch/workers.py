@@ -85,11 +85,9 @@ class WorkerProcess:
         code = self._process.wait()
         if code >= 0:
             return f"its worker process ended with exit status {code} (see workers.log)"
-        with suppress(ValueError):
-            name = signal.Signals(-code).name
-            memory = ": out of memory?" if name == "SIGKILL" else " (see workers.log)"
-            return f"its worker process was ended by {name}{memory}"
-        return f"its worker process was ended by signal {-code} (see workers.log)"
+        name = {one.value: one.name for one in signal.Signals}.get(-code, f"signal {-code}")
+        more = ": out of memory?" if name == "SIGKILL" else " (see workers.log)"
+        return f"its worker process was ended by {name}{more}"
 
     def kill(self) -> None:
         """End the process at once."""
@@ -143,7 +141,11 @@ class _Crew:
             most, longer = self._timeout, 10 * self._timeout
             result = f"stopped after {most:g} s, the time that a log may take: try timeout={longer:g}"
         elif isinstance(reply, Failure | JobResult):
-            result = reply if isinstance(reply, JobResult) else self._said(reply)
+            result = reply if isinstance(reply, JobResult) else reply.sentence
+            if isinstance(reply, Failure) and reply.traceback:
+                # a full disk costs the traceback, not the batch
+                with suppress(OSError), self._log.open("a", encoding="utf-8") as file:
+                    file.write(reply.traceback)
             self._idle.append(worker)
         else:
             result = worker.cause_of_death()
@@ -180,13 +182,6 @@ class _Crew:
         text = self._log.read_text("utf-8", "replace") if self._log.exists() else ""
         last = next((line.strip() for line in reversed(text.split("\n")) if line.strip()), "")
         raise WorkerError(f"the workers cannot be started: {last or worker.cause_of_death()}")
-
-    def _said(self, failure: Failure) -> str:
-        if failure.traceback:
-            # a full disk costs the traceback, not the batch
-            with suppress(OSError), self._log.open("a", encoding="utf-8") as file:
-                file.write(failure.traceback)
-        return failure.sentence
 
 
 def run_tasks(job: Job, queue: Results, *, pool: WorkerPool, timeout: float, log: Path) -> Generator[Done, None, None]:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +17,18 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io.files.output import output_file
+from curvescan.io.files.output import output_file, output_folder
+from curvescan.io.trajectories.relations import write_g2o
+from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.mapping.map_server import write_map
+from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import MatchResult, match
 from curvescan.odometry.measurement import as_measurement
-from curvescan.slam.config import SlamConfig
-from curvescan.slam.editing.graph import solved, with_edge, without
-from curvescan.slam.jobs import Problem
+from curvescan.slam.config import GATE, SlamConfig
+from curvescan.slam.jobs import Problem, covariances_seen_from
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
+from curvescan.types import Bools, Cov, Pose
 
 _VERSION = 1
 _KINDS = ("drop", "add", "pin", "forbid")
@@ -86,18 +91,58 @@ def _applied(graph: Problem, edit: Edit) -> Problem:
         if i == 0:
             raise InvalidArgumentError("keyframe 0 holds the frame of the map: it is pinned already")
         pose = graph.poses[i] if edit.pose is None else np.array(edit.pose)
-        return with_edge(graph, 0, i, se2.between(graph.poses[0], pose), _PINNED)
+        return _with_edge(graph, 0, i, se2.between(graph.poses[0], pose), _PINNED)
     if edit.do == "add":
         if i == j:
             raise InvalidArgumentError(f"a closure joins two keyframes, got {i} twice")
-        return with_edge(graph, i, j, np.array(edit.pose), np.reshape(edit.covariance or (), (3, 3)))
+        return _with_edge(graph, i, j, np.array(edit.pose), np.reshape(edit.covariance or (), (3, 3)))
     is_closure = graph.kinds == EdgeKind.CLOSURE
     if edit.do == "forbid":
-        return without(graph, is_closure & ((graph.ends >= min(i, j)) & (graph.ends <= max(i, j))).any(axis=1))
+        return _without(graph, is_closure & ((graph.ends >= min(i, j)) & (graph.ends <= max(i, j))).any(axis=1))
     gone = is_closure & (np.sort(graph.ends, axis=1) == sorted((i, j))).all(axis=1)
     if not gone.any():
         raise InvalidArgumentError(f"there is no closure between keyframes {i} and {j}")
-    return without(graph, gone)
+    return _without(graph, gone)
+
+
+def _with_edge(graph: Problem, i: int, j: int, pose: Pose, covariance: Cov) -> Problem:
+    """Return a graph with a closure more, put in by hand, which keeps its weight."""
+    return replace(
+        graph,
+        ends=np.vstack([graph.ends, [i, j]]),
+        measured=np.vstack([graph.measured, pose]),
+        covariances=np.concatenate([graph.covariances, covariance[np.newaxis]]),
+        kinds=np.append(graph.kinds, EdgeKind.CLOSURE),
+        weights=np.append(graph.weights, 1.0),
+        least=np.append(graph.least, 1.0),
+    )
+
+
+def _without(graph: Problem, gone: Bools) -> Problem:
+    """Return a graph without some edges, gone (m,)."""
+    names = ("ends", "measured", "covariances", "kinds", "weights", "least")
+    return replace(graph, **{name: getattr(graph, name)[~gone] for name in names})
+
+
+def solved(slam_map: SlamMap, graph: Problem, config: SlamConfig) -> SlamMap:
+    """Return a map with another graph, optimized to the end, every closure reconsidered.
+
+    A false closure may have cost the right ones their weight: of two optima, one begun with the weights of the map and
+    one with all edges in full, the better one is taken.
+    """
+    optima = [graph.optimized(weights=weights) for weights in (graph.weights, None)]
+    optimum = min(optima, key=lambda found: float(np.minimum(found.distances, GATE).sum()))
+    new = replace(
+        slam_map,
+        poses=optimum.poses,
+        ends=graph.ends,
+        measured=graph.measured,
+        edge_covariances=graph.covariances,
+        kinds=graph.kinds,
+        weights=optimum.weights,
+        grid=None,
+    )
+    return replace(new, covariances=covariances_seen_from(Problem.of(new), config.noise))
 
 
 def ask_match(slam_map: SlamMap, i: int, j: int, config: SlamConfig | None = None) -> tuple[MatchResult, Edit | None]:
@@ -161,3 +206,31 @@ def read_edits(path: str | os.PathLike[str]) -> tuple[Edit, ...]:
         raise LogFileError(f"cannot read {os.fspath(path)!r}: {error.strerror or error}") from error
     except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
         raise LogFormatError(f"{os.fspath(path)!r} is no file of edits: {error}") from error
+
+
+@contextmanager
+def map_folder(
+    out: str | os.PathLike[str], given: SlamMap | OccupancyGrid, *, inputs: Sequence[str | os.PathLike[str]] = ()
+) -> Iterator[Path]:
+    """Write map.pgm with map.yaml into a folder, of keyframes map.csmap and graph.g2o too; yield it for what else."""
+    with output_folder(out, inputs=inputs) as folder:
+        grid = given.occupancy() if isinstance(given, SlamMap) else given
+        if isinstance(given, SlamMap):
+            replace(given, grid=grid).save(folder / "map.csmap")
+            write_g2o(folder / "graph.g2o", keyframe_trajectory(given), given.edges)
+        if grid.log_odds.size:
+            write_map(folder, grid)
+        yield folder
+
+
+def save_map_folder(out: str | os.PathLike[str], slam_map: SlamMap, edits: Sequence[Edit]) -> tuple[str, ...]:
+    """Write a map into a folder with its edits, and return the names of the files."""
+    with map_folder(out, slam_map) as folder:
+        write_edits(folder / "edits.json", edits)
+        return tuple(sorted(file.name for file in folder.iterdir()))
+
+
+def keyframe_trajectory(slam_map: SlamMap) -> Trajectory:
+    """Return the keyframes of a map as a trajectory."""
+    stamps = np.array([scan.stamp for scan in slam_map.scans])
+    return Trajectory(stamps=stamps, poses=slam_map.poses, covariances=slam_map.covariances)

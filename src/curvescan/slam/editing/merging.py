@@ -12,7 +12,7 @@ from curvescan.mapping.grid_editing import moved
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.odometry.measurement import as_measurement
 from curvescan.slam.config import SlamConfig
-from curvescan.slam.editing.graph import solved
+from curvescan.slam.editing.edits import solved
 from curvescan.slam.editing.operations import part_of
 from curvescan.slam.jobs import Problem
 from curvescan.slam.keyframes import Keyframes

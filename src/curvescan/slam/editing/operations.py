@@ -13,7 +13,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.grid_editing import Box, check_box, overlaid, wall_angle
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.slam.map import SlamMap
-from curvescan.types import Bools, Floats, Ints, Points
+from curvescan.types import Bools, Ints, Points
 
 _TOLERANCE_CELLS = 3
 """What lies within so many cells of an obstacle of the other map has not changed: maps differ by their noise."""
@@ -40,7 +40,7 @@ class Change:
 
 def resampled(slam_map: SlamMap, resolution: float) -> SlamMap:
     """Return a map with the occupancy of its keyframes in other cells, metres."""
-    return replace(slam_map, grid=replace(slam_map, grid=None).occupancy(OccupancyConfig(resolution=resolution)))
+    return replace(slam_map, grid=slam_map.occupancy(OccupancyConfig(resolution=resolution)))
 
 
 def turned(slam_map: SlamMap, angle: float) -> SlamMap:
@@ -64,7 +64,10 @@ def cropped(slam_map: SlamMap, box: Box) -> SlamMap:
     check_box(box)
     rows = np.flatnonzero(_inside(slam_map.poses[:, :2], box))
     if not rows.size:
-        raise InvalidArgumentError(f"no keyframe lies within {box}: the map's are from {_extent(slam_map.poses)}")
+        (x0, y0), (x1, y1) = (f(slam_map.poses[:, :2], axis=0) for f in (np.min, np.max))
+        raise InvalidArgumentError(
+            f"no keyframe lies within {box}: the map's are from {x0:.1f} {y0:.1f} to {x1:.1f} {y1:.1f}"
+        )
     return _without_readings(part_of(slam_map, rows), lambda points: ~_inside(points, box))
 
 
@@ -111,9 +114,9 @@ def changes(before: OccupancyGrid, after: OccupancyGrid, *, least_area: float = 
     stood, was_free, stands, is_free = before.is_occupied, before.is_free, after.is_occupied, after.is_free
     found = []
     for kind, there, other, free in (("appeared", stands, stood, was_free), ("gone", stood, stands, is_free)):
-        near = ndimage.binary_dilation(other, iterations=_TOLERANCE_CELLS)
-        labels, _ = ndimage.label(ndimage.binary_dilation(there & free & ~near), np.ones((3, 3)))
-        labels[~(there & free & ~near)] = 0
+        changed = there & free & ~ndimage.binary_dilation(other, iterations=_TOLERANCE_CELLS)
+        labels, _ = ndimage.label(ndimage.binary_dilation(changed), np.ones((3, 3)))
+        labels[~changed] = 0
         areas = cell**2 * np.bincount(labels.ravel())
         for k, place in enumerate(ndimage.find_objects(labels), start=1):
             if place is not None and areas[k] >= least_area:
@@ -127,8 +130,3 @@ def changes(before: OccupancyGrid, after: OccupancyGrid, *, least_area: float = 
 def _inside(points: Points, box: Box) -> Bools:
     low, high = np.array(box[:2]), np.array(box[2:])
     return np.asarray(((points >= low) & (points <= high)).all(axis=1))
-
-
-def _extent(poses: Floats) -> str:
-    (x0, y0), (x1, y1) = poses[:, :2].min(axis=0), poses[:, :2].max(axis=0)
-    return f"{x0:.1f} {y0:.1f} to {x1:.1f} {y1:.1f}"

@@ -70,13 +70,8 @@ class MessageBuilder:
                 f"cannot write the scan at {scan.stamp} s to a ROS bag: float32 makes angle_increment 0, or range_min "
                 "and range_max equal"
             )
-        message = self._new(
-            LASER_SCAN,
-            header=self._header(self.nanoseconds(scan.stamp), LASER_FRAME),
-            ranges=ranges,
-            intensities=intensities,
-            **short,
-        )
+        header = self._header(scan.stamp, LASER_FRAME)
+        message = self._message(LASER_SCAN, short | {"header": header, "ranges": ranges, "intensities": intensities})
         # inf, a missing limit, and all that came from a message stay the same; angle_max is not ours
         is_same = np.array_equal(ranges.astype(np.float64), scan.ranges, equal_nan=True)
         return message, is_same and all(short[k] == v for k, v in fields.items() if k != "angle_max")
@@ -90,35 +85,37 @@ class MessageBuilder:
         twist_covariance: Cov | None = None,
     ) -> Any:
         """Return a pose (3,) of the laser as nav_msgs/Odometry, covariance None: zero, twist None: unknown speed."""
-        position, orientation = self._point_and_quaternion(pose)
         vx, vy, omega = (0.0, 0.0, 0.0) if twist is None else twist.tolist()
         pose_covariance, speed_covariance = np.zeros((6, 6)), np.diag(np.full(6, _UNKNOWN))
         if covariance is not None:
             pose_covariance[np.ix_(_PLANAR, _PLANAR)] = covariance
         if twist_covariance is not None:
             speed_covariance[np.ix_(_PLANAR, _PLANAR)] = twist_covariance
-        return self._new(
+        twist_fields = {"linear": _vector(vx, vy), "angular": _vector(0.0, 0.0, omega)}
+        return self._message(
             ODOMETRY,
-            header=self._header(self.nanoseconds(stamp), ODOM_FRAME),
-            child_frame_id=LASER_FRAME,
-            pose=self._new(
-                "geometry_msgs/msg/PoseWithCovariance",
-                pose=self._new("geometry_msgs/msg/Pose", position=position, orientation=orientation),
-                covariance=pose_covariance.ravel(),
-            ),
-            twist=self._new(
-                "geometry_msgs/msg/TwistWithCovariance",
-                twist=self._new(
-                    "geometry_msgs/msg/Twist", linear=self._vector(vx, vy, 0.0), angular=self._vector(0.0, 0.0, omega)
-                ),
-                covariance=speed_covariance.ravel(),
-            ),
+            {
+                "header": self._header(stamp, ODOM_FRAME),
+                "child_frame_id": LASER_FRAME,
+                "pose": {"pose": _pose(pose, "position", "orientation"), "covariance": pose_covariance.ravel()},
+                "twist": {"twist": twist_fields, "covariance": speed_covariance.ravel()},
+            },
         )
 
     def transforms(self, stamp: float, edges: Sequence[tuple[str, str, Pose]]) -> Any:
         """Return poses of frames in their parents as tf2_msgs/TFMessage."""
-        when = self.nanoseconds(stamp)
-        return self._new(TRANSFORMS[0], transforms=[self._transform(when, *edge) for edge in edges])
+        items = [
+            self._message(
+                "geometry_msgs/msg/TransformStamped",
+                {
+                    "header": self._header(stamp, parent),
+                    "child_frame_id": child,
+                    "transform": _pose(pose, "translation", "rotation"),
+                },
+            )
+            for parent, child, pose in edges
+        ]
+        return self._message(TRANSFORMS[0], {"transforms": items})
 
     def occupancy_grid(
         self, stamp: float, percent: NDArray[np.int8], origin: Floats, resolution: float, frame: str
@@ -128,43 +125,35 @@ class MessageBuilder:
         percent (n_rows, n_columns): Probability of occupancy, 0 to 100; -1 where nothing is known. The first row has
         the smallest y; origin (2,).
         """
-        header = self._header(self.nanoseconds(stamp), frame)
-        position, orientation = self._point_and_quaternion(np.array([*origin, 0.0]))
-        info = self._new(
-            "nav_msgs/msg/MapMetaData",
-            map_load_time=header.stamp,
-            resolution=float(np.float32(resolution)),
-            width=percent.shape[1],
-            height=percent.shape[0],
-            origin=self._new("geometry_msgs/msg/Pose", position=position, orientation=orientation),
-        )
-        return self._new(OCCUPANCY_GRID, header=header, info=info, data=percent.ravel())
+        header = self._header(stamp, frame)
+        info = {
+            "map_load_time": header["stamp"],
+            "resolution": float(np.float32(resolution)),
+            "width": percent.shape[1],
+            "height": percent.shape[0],
+            "origin": _pose(np.array([*origin, 0.0]), "position", "orientation"),
+        }
+        return self._message(OCCUPANCY_GRID, {"header": header, "info": info, "data": percent.ravel()})
 
-    def _transform(self, when: int, parent: str, child: str, pose: Pose) -> Any:
-        point, rotation = self._point_and_quaternion(pose)
-        return self._new(
-            "geometry_msgs/msg/TransformStamped",
-            header=self._header(when, parent),
-            child_frame_id=child,
-            transform=self._new(
-                "geometry_msgs/msg/Transform", translation=self._vector(point.x, point.y, 0.0), rotation=rotation
-            ),
-        )
+    def _header(self, stamp: float, frame: str) -> dict[str, Any]:
+        seconds, rest = divmod(self.nanoseconds(stamp), _SECOND)
+        header = {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": frame}
+        return header | {"seq": 0} if self._is_ros1 else header
 
-    def _point_and_quaternion(self, pose: Pose) -> tuple[Any, Any]:
-        x, y, theta = pose.tolist()
-        return (
-            self._new("geometry_msgs/msg/Point", x=x, y=y, z=0.0),
-            self._new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(0.5 * theta), w=math.cos(0.5 * theta)),
-        )
+    def _message(self, msgtype: str, fields: dict[str, Any]) -> Any:
+        """Return a message of its fields; the fields of a message in it are a dictionary again."""
+        kinds = dict(self.store.fielddefs[msgtype][1])
+        values = {
+            name: self._message(str(kinds[name][1]), value) if isinstance(value, dict) else value
+            for name, value in fields.items()
+        }
+        return self.store.types[msgtype](**values)
 
-    def _vector(self, x: float, y: float, z: float) -> Any:
-        return self._new("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
 
-    def _header(self, when: int, frame: str) -> Any:
-        stamp = self._new("builtin_interfaces/msg/Time", sec=when // _SECOND, nanosec=when % _SECOND)
-        seq = {"seq": 0} if self._is_ros1 else {}
-        return self._new("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **seq)
+def _vector(x: float, y: float, z: float = 0.0) -> dict[str, float]:
+    return {"x": x, "y": y, "z": z}
 
-    def _new(self, msgtype: str, **fields: Any) -> Any:
-        return self.store.types[msgtype](**fields)
+
+def _pose(pose: Pose, place: str, direction: str) -> dict[str, dict[str, float]]:
+    x, y, theta = pose.tolist()
+    return {place: _vector(x, y), direction: {**_vector(0.0, 0.0, math.sin(0.5 * theta)), "w": math.cos(0.5 * theta)}}
