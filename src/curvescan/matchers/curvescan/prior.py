@@ -53,7 +53,7 @@ class Prior(NamedTuple):
     @property
     def is_told(self) -> bool:
         """Whether the prior says where the pose is, and not only where it may be."""
-        return self.tells(self.pose)
+        return math.log1p(self.gain) > TOLD
 
     def tells(self, pose: Pose) -> bool:
         """Return whether the prior itself says that the scan is at a pose."""
