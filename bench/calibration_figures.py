@@ -54,7 +54,7 @@ class Setting:
         return float(np.mean([one.right_share for one in self.runs]))
 
 
-def sweep(*, n_runs: int = 500, seed: int = SEED, on_run: Callable[[], None] | None = None) -> list[Setting]:
+def sweep(*, n_runs: int = 500, seed: int = SEED, on_run: Callable[[], object] = lambda: None) -> list[Setting]:
     """Return every setting, best first."""
     settings = list(itertools.product(SIGMAS_TRIED, TOLERANCES_TRIED, AMBIGUITIES_TRIED))
     configs = tuple(_config(*setting) for setting in settings)

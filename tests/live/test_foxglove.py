@@ -11,7 +11,7 @@ import pytest
 
 from curvescan import MissingPackageError, Odometry, OutputError, Slam, simulate
 from curvescan.live import FoxgloveSink, LogSource, McapRecorder, Tracker, run_live
-from curvescan.live.recorder import TOPICS
+from curvescan.live.messages import TOPICS
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed (extra foxglove)")
 websocket = pytest.importorskip("websocket", reason="websocket-client is not installed")

@@ -46,43 +46,35 @@ def measure_speed(
     pairs, guesses = easy_pairs(sensor, n_pairs, seed)
     for pair in pairs[:20]:
         match(pair.reference, pair.current, method=method)  # compiles
-    prepare_seconds: list[float] = []
-    match_seconds: list[float] = []
-    guess_seconds: list[float] = []
+    rows = []
     for _ in range(repeats):
         for pair, guess in zip(pairs, guesses, strict=True):
             # a new scan, which has not yet found out which of its readings are valid
             reference, current = replace(pair.reference), replace(pair.current)
-            started = time.perf_counter()
+            times = [time.perf_counter()]
             prepared_ref = prepare(reference, method=method)
-            after_ref = time.perf_counter()
+            times.append(time.perf_counter())
             prepared_cur = prepare(current, method=method)
-            after_cur = time.perf_counter()
+            times.append(time.perf_counter())
             match(prepared_ref, prepared_cur, method=method)
-            without = time.perf_counter()
+            times.append(time.perf_counter())
             match(prepared_ref, prepared_cur, method=method, guess=guess)
-            ended = time.perf_counter()
-            prepare_seconds += [after_ref - started, after_cur - after_ref]
-            match_seconds.append(without - after_cur)
-            guess_seconds.append(ended - without)
+            rows.append(np.diff([*times, time.perf_counter()]))
+    seconds = np.array(rows)
     return Speed(
         method=method,
         n_beams=len(pairs[0].reference),
-        prepare_seconds=np.array(prepare_seconds),
-        match_seconds=np.array(match_seconds),
-        guess_seconds=np.array(guess_seconds),
+        prepare_seconds=seconds[:, :2].ravel(),
+        match_seconds=seconds[:, 2],
+        guess_seconds=seconds[:, 3],
     )
 
 
 def with_beams(n_beams: int) -> Sensor:
     """Return the LMS200 with another number of beams over the same 180 degrees."""
     base = SENSORS["sick-lms200"]
-    return replace(
-        base,
-        name=f"{n_beams} beams",
-        n_beams=n_beams,
-        angle_increment=base.angle_increment * (base.n_beams - 1) / (n_beams - 1),
-    )
+    step = base.angle_increment * (base.n_beams - 1) / (n_beams - 1)
+    return replace(base, name=f"{n_beams} beams", n_beams=n_beams, angle_increment=step)
 
 
 BEAM_COUNTS = (181, 361, 721, 1441, 2881, 4001)  # beams over 180 degrees for which times are taken

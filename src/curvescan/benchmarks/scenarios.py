@@ -10,7 +10,7 @@ other scan, as noisy as the first, so that each beam that both scans can compare
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from curvescan.paper.random_transform import is_success
 from curvescan.simulation import SENSORS, ScanPair, Sensor, World, simulate_pairs
 from curvescan.simulation.sensing.sensors import cast_beams
 from curvescan.types import Bools, Cov, Floats, Ints, Points, Pose
+
+OnPair: TypeAlias = Callable[[], object]  # called after each pair
 
 _CHI2_95 = 7.815  # 95 % of a chi-square of three degrees of freedom
 
@@ -74,12 +76,7 @@ class Score:
 
 
 def score_scenario(
-    scenario: Scenario,
-    methods: Sequence[str],
-    *,
-    n_pairs: int = 300,
-    seed: int = 1,
-    on_pair: Callable[[], None] | None = None,
+    scenario: Scenario, methods: Sequence[str], *, n_pairs: int = 300, seed: int = 1, on_pair: OnPair = lambda: None
 ) -> list[Score]:
     """Return how each method does on the same pairs of one scenario, each pair in a fresh office, without a guess."""
     sensor = SENSORS[scenario.sensor]
@@ -102,7 +99,7 @@ OPEN_WORLDS = ("bare-corridor", "round-room")
 
 
 def score_open(
-    world: str, methods: Sequence[str], *, n_pairs: int = 300, seed: int = 1, on_pair: Callable[[], None] | None = None
+    world: str, methods: Sequence[str], *, n_pairs: int = 300, seed: int = 1, on_pair: OnPair = lambda: None
 ) -> list[Score]:
     """Return how each method does on small motions (0.1 m, 5 degrees) in a world that leaves one open."""
     pairs = simulate_pairs(world, n_pairs=n_pairs, translation_max=0.1, rotation_max=np.radians(5.0), seed=seed)
@@ -111,17 +108,14 @@ def score_open(
     return [_score(method, world, tried[method]) for method in methods]
 
 
-def _tried(
-    pairs: Iterable[ScanPair], methods: Sequence[str], on_pair: Callable[[], None] | None
-) -> "dict[str, list[_Try]]":
+def _tried(pairs: Iterable[ScanPair], methods: Sequence[str], on_pair: OnPair) -> "dict[str, list[_Try]]":
     """Return what each method makes of each pair."""
     tried: dict[str, list[_Try]] = {method: [] for method in methods}
     for pair in pairs:
         for method in methods:
             result = match(pair.reference, pair.current, method=method)
             tried[method].append(_Try(pair=pair, result=result))
-        if on_pair:
-            on_pair()
+        on_pair()
     return tried
 
 
@@ -205,10 +199,8 @@ def pair_bound(pair: ScanPair, sensor: Sensor) -> Cov:
         information += half
     if np.linalg.eigvalsh(information)[0] <= 1e-6 * np.trace(information):
         return np.full((3, 3), np.nan)
-    turn = np.eye(3)
-    turn[:2, :2] = se2.rotation(pair.pose[2])
-    bound: Cov = turn @ np.linalg.inv(information) @ turn.T
-    return bound
+    turn = _adjoint(pair.pose * [0.0, 0.0, 1.0])
+    return np.asarray(turn @ np.linalg.inv(information) @ turn.T)
 
 
 def median_error(bounds: list[Cov], *, seed: int = 0) -> float:
@@ -225,18 +217,14 @@ def median_error(bounds: list[Cov], *, seed: int = 0) -> float:
 def _normals(world: World, pose: Pose, points: Points, hit_idx: Ints) -> Points:
     """Return the unit normal, in the sensor frame, of the surface at each point that is hit."""
     segments, curves = world.segments, world.curves
-    centres = np.zeros_like(points)
     straight = np.stack([segments[:, 1] - segments[:, 3], segments[:, 2] - segments[:, 0]], axis=1)
     is_straight = (hit_idx >= 0) & (hit_idx < len(segments))
     is_curved = hit_idx >= len(segments)
     normals = np.full_like(points, np.nan)
-    turn_back = se2.rotation(-pose[2])
-    normals[is_straight] = straight[hit_idx[is_straight]] @ turn_back.T
-    inverse = se2.inverse(pose)
-    centres[is_curved] = se2.transform(inverse, curves[hit_idx[is_curved] - len(segments), :2])
-    normals[is_curved] = points[is_curved] - centres[is_curved]
-    unit: Points = normals / np.hypot(normals[:, 0], normals[:, 1])[:, np.newaxis]
-    return unit
+    normals[is_straight] = straight[hit_idx[is_straight]] @ se2.rotation(-pose[2]).T
+    centres = se2.transform(se2.inverse(pose), curves[hit_idx[is_curved] - len(segments), :2])
+    normals[is_curved] = points[is_curved] - centres
+    return np.asarray(normals / np.hypot(normals[:, 0], normals[:, 1])[:, np.newaxis])
 
 
 def _is_seen(ranges: Floats, pose: Pose, other_ranges: Floats, other_usable: Bools, sensor: Sensor) -> Bools:
@@ -259,8 +247,7 @@ def _is_seen(ranges: Floats, pose: Pose, other_ranges: Floats, other_usable: Boo
         with np.errstate(invalid="ignore"):
             same = np.abs(other_ranges[near] - distance) < _SAME_SURFACE
         seen |= same & other_usable[near]
-    is_comparable: Bools = seen & is_hit & (beam < n)
-    return is_comparable
+    return np.asarray(seen & is_hit & (beam < n))
 
 
 def _adjoint(pose: Pose) -> Floats:

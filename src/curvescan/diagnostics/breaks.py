@@ -40,9 +40,13 @@ def find_breaks(
     way = np.concatenate(([0.0], np.hypot(steps[:, 0], steps[:, 1])))
     usual = float(np.quantile(way[1:], _USUAL)) if n > 1 else 0.0
     leaps = np.where(way > max(_TIMES * usual, most), way, 0.0)
-    is_first = _begins(record.is_failed)
+    failed = record.is_failed
+    is_first = _begins(failed)
     found = [
-        Break("misplaced", _first_of_gap(record.is_failed, k), k - 1, float(leaps[k]))
+        # from the first of the failures that led to the loss
+        Break(
+            "misplaced", next((i for i in range(max(k - _N_SCANS, 0), k) if failed[i]), k - 1), k - 1, float(leaps[k])
+        )
         for k in np.flatnonzero(leaps).tolist()
         if record.outcomes[k] is StepOutcome.LOST
     ]
@@ -74,12 +78,6 @@ def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap) -> bo
     scans = np.where(slam_map.sessions == slam_map.n_sessions - 1, slam_map.indices, -1)[slam_map.ends]
     is_matched = (slam_map.kinds != EdgeKind.MOTION) & (slam_map.weights > 0.5)
     return not (is_matched & (scans.min(axis=1) < k) & (scans.max(axis=1) >= k)).any()
-
-
-def _first_of_gap(is_failed: Bools, k: int) -> int:
-    """Return the first failure of those that led to a loss at scan k."""
-    gap = np.flatnonzero(is_failed[max(k - _N_SCANS, 0) : k])
-    return max(k - _N_SCANS, 0) + int(gap[0]) if gap.size else k - 1
 
 
 def _stands_since(poses: Pose) -> int:

@@ -176,7 +176,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         stale_share=statistics.beams.stale_share,
         stale_run=statistics.beams.stale_run,
         fixed_beams=statistics.beams.fixed_beams,
-        largest_reading=statistics.largest_reading,
+        largest_reading=max(statistics.top, default=math.nan),
         codes=tuple(code for code in codes if code.share >= _MIN_CODE_SHARE),
         suspect=_suspect(statistics),
         code_band=statistics.top_of_range.code_band(),
@@ -195,9 +195,8 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
 
 def _gyroscope(log: Log, sense: RotationDirection | None) -> Gyroscope | None:
     """Return what sure matches say of a gyroscope; None where it is unused, reversed or in degrees."""
-    if sense is None or sense.reference != "gyroscope" or sense.is_reversed or sense.is_in_degrees:
-        return None
-    turned = log.turned_by_gyro() if isinstance(log, ScanAccess) else None
+    is_used = sense is not None and sense.reference == "gyroscope" and not (sense.is_reversed or sense.is_in_degrees)
+    turned = log.turned_by_gyro() if is_used and isinstance(log, ScanAccess) else None
     return None if turned is None else judge_gyroscope(log, turned)
 
 
@@ -238,11 +237,7 @@ def _mount(log: Log, odometry: Trajectory | None) -> tuple[float, float, float] 
     if robot is None or odometry is None:
         return None
     mounts = se2.between(robot.poses, odometry.poses)
-    known = np.flatnonzero(np.all(np.isfinite(mounts), axis=1))
-    if not known.size:
-        return None
-    x, y, theta = mounts[known[0]].tolist()
-    return x, y, theta
+    return next(((x, y, theta) for x, y, theta in mounts.tolist() if math.isfinite(x + y + theta)), None)
 
 
 def _summarise_odometry(odometry: Trajectory, lag: float) -> OdometrySummary:

@@ -98,10 +98,8 @@ def why_reference(log: Log, poses: Pose) -> str:
     if isinstance(log, ScanAccess) and (why := log.why_estimated()):
         return why
     errors = _errors_of_visits(log, poses)
-    if len(errors) < _N_SURE:
-        return ""
-    n_exact = int(np.count_nonzero((errors[:, 0] < _EXACT) & (errors[:, 1] < _EXACT_RAD)))
-    if n_exact < _SHARE * len(errors):
+    n_exact = sum(metres < _EXACT and radians < _EXACT_RAD for metres, radians in errors)
+    if len(errors) < _N_SURE or n_exact < _SHARE * len(errors):
         return ""
     return (
         f"they never drift: in {n_exact} of {len(errors)} places seen again after {_WAY:g} m and more they agree with "
@@ -109,8 +107,8 @@ def why_reference(log: Log, poses: Pose) -> str:
     )
 
 
-def _errors_of_visits(log: Log, poses: Pose) -> Floats:
-    """Return (n, 2) by how much the poses differ from sure matches of two visits of a place: metres and radians."""
+def _errors_of_visits(log: Log, poses: Pose) -> list[tuple[float, float]]:
+    """Return by how much the poses differ from sure matches of two visits of a place: metres and radians."""
     steps = np.nan_to_num(np.hypot(*np.diff(poses[:, :2], axis=0).T))
     way = np.concatenate(([0.0], np.cumsum(steps)))
     errors: list[tuple[float, float]] = []
@@ -130,7 +128,7 @@ def _errors_of_visits(log: Log, poses: Pose) -> Floats:
         if motion is not None:
             off = motion - se2.between(poses[earlier], poses[later])
             errors.append((math.hypot(off[0], off[1]), abs(float(se2.wrap(off[2])))))
-    return np.array(errors).reshape(-1, 2)
+    return errors
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -141,11 +141,12 @@ class StreamMender:
     def _judge(self) -> None:
         report = inspect_log(as_log(self._first), SensorJudgement(beam_order=None, rotation=None))
         found = {i.kind: i for i in find_issues(report) if i.mending and i.kind in _DROPS}
+        since = f"from scan {len(self._first):,} on"
         for kind, issue in found.items():
             if kind not in self._done or issue.argument != self._done[kind].argument:
-                self._tell(f"from scan {len(self._first):,} on {issue.mending}")
+                self._tell(f"{since} {issue.mending}")
         for kind in self._done.keys() - found.keys():
-            self._tell(f"from scan {len(self._first):,} on no longer {self._done[kind].mending}")
+            self._tell(f"{since} no longer {self._done[kind].mending}")
         limits = dict(i.remedy for i in found.values() if i.remedy)
         self._filters = _filters(found, report)
         self._done, self._range_max = found, float(str(limits.get("range_max", math.inf)))

@@ -82,12 +82,8 @@ def compare_rotation(scans: Iterable[LaserScan], headings: Floats, reference: Re
     sharpest = {int(k) for k in np.argsort(-sharpness)[:_N_PAIRS] if sharpness[k] > 0.0}
     if not sharpest:
         return None
-    ratios = []
-    for k, (earlier, later) in enumerate(pairwise(scans)):
-        if k in sharpest:
-            turn = turn_between(earlier, later)
-            if turn != 0.0:
-                ratios.append(turns[k] / turn)
+    seen = ((k, turn_between(*pair)) for k, pair in enumerate(pairwise(scans)) if k in sharpest)
+    ratios = [turns[k] / turn for k, turn in seen if turn != 0.0]
     return RotationDirection(
         reference=reference,
         n_turns=len(ratios),

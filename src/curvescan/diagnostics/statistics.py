@@ -17,7 +17,7 @@ import numpy as np
 
 from curvescan.diagnostics.top_of_range import TopOfRange
 from curvescan.scan import LaserScan
-from curvescan.types import Bools, Floats
+from curvescan.types import Floats
 
 _CHANGED = 8.0
 """Median change from sweep to sweep, in steps of the readings, from which on the scene counts as changing."""
@@ -104,9 +104,10 @@ class BeamStatistics:
             return None
         if not others.size or np.median(others) < _MOVING:
             return None
-        is_wall = well_seen & ~fixed & (deviations < _MOVING)
-        beside = np.concatenate((np.zeros(_EDGE, dtype=np.bool_), is_wall, np.zeros(_EDGE, dtype=np.bool_)))
-        runs = tuple((a, b) for a, b in _runs(fixed) if not (beside[a] or beside[b + 2 * _EDGE]))
+        beside = np.pad(well_seen & ~fixed & (deviations < _MOVING), _EDGE)  # where walls stand
+        # first and last of each run
+        edges = np.flatnonzero(np.diff(np.pad(fixed.astype(np.int8), 1))).reshape(-1, 2) - [0, 1]
+        runs = tuple((a, b) for a, b in edges.tolist() if not (beside[a] or beside[b + 2 * _EDGE]))
         return FixedBeams(runs, fixed.size) if runs else None
 
     def add(self, scan: LaserScan) -> None:
@@ -144,12 +145,6 @@ class BeamStatistics:
         self.n_near += int(np.count_nonzero(changed < (_NEAR + 0.5) * step))
 
 
-def _runs(mask: Bools) -> tuple[tuple[int, int], ...]:
-    edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
-    first, beyond = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    return tuple((int(a), int(b) - 1) for a, b in zip(first, beyond, strict=True))
-
-
 Layout = tuple[int, float, float, bool]  # number of beams, angle_min, mean step, whether the sweep is a full circle
 
 _MAX_CODES = 1024
@@ -177,11 +172,6 @@ class LogStatistics:
     top: dict[float, int] = field(default_factory=dict)  # exact counts of the 16 largest valid values, fresh
     top_of_range: TopOfRange = field(default_factory=TopOfRange)  # the fresh readings by distance
     _previous: Floats | None = None
-
-    @property
-    def largest_reading(self) -> float:
-        """Largest valid reading, metres; NaN without."""
-        return max(self.top, default=math.nan)
 
     def add(self, scan: LaserScan) -> None:
         """Count one scan."""

@@ -6,7 +6,7 @@ the readings.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from curvescan.configs import shipped_table
 from curvescan.diagnostics.breaks import Break, find_breaks
-from curvescan.diagnostics.issues import Issue, Sentences
+from curvescan.diagnostics.issues import Sentences
 from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.io.log import ScanAccess
 from curvescan.odometry.run import RunRecord
@@ -230,21 +230,13 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
         n_parts=n_parts,
         contradictions=contradictions,
         motion="used" if record.has_prior else "left out" if prepared and prepared.prior.sentence else "none",
-        faults=_faults(issues),
+        faults=tuple(i.what + f"; what helps: {i.argument}" * bool(i.remedy) for i in issues if i.kind in _SPOILING),
     )
     if evidence.engine == "localization" or len(poses) < 2:
         return evidence
     wheels = prepared.odometry_poses if prepared is not None and record.has_prior else None
     slam_map = engine.map if isinstance(engine, Slam) else None
     return replace(evidence, breaks=find_breaks(record, evidence.most_sigma, wheels, log, slam_map))
-
-
-def _faults(issues: Sequence[Issue]) -> tuple[str, ...]:
-    return tuple(
-        issue.what + (f"; what helps: {issue.argument}" if issue.remedy else "")
-        for issue in issues
-        if issue.kind in _SPOILING
-    )
 
 
 def _largest_sigma(record: RunRecord, engine: Engine) -> float:

@@ -1,7 +1,7 @@
-from .foxglove import FoxgloveSink as FoxgloveSink
+from .messages import FoxgloveSink as FoxgloveSink
+from .messages import McapRecorder as McapRecorder
 from .pipeline import LiveReport as LiveReport
 from .pipeline import run_live as run_live
-from .recorder import McapRecorder as McapRecorder
 from .results import ResultsSink as ResultsSink
 from .sinks import BoundedQueue as BoundedQueue
 from .sinks import LiveSink as LiveSink

@@ -28,7 +28,10 @@ TIMEOUT = 10.0  # a visitor who sends, or takes in, nothing for so long is cut o
 MAX_BODY = 1 << 16  # longest text of an action, bytes
 
 _ACTION, _TOKEN, JSON = "/do/", "X-Curvescan-Token", "application/json"
-_KINDS = {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8", ".svg": "image/svg+xml"}
+_KINDS = {
+    **{f".{kind}": f"text/{kind}; charset=utf-8" for kind in ("html", "css")},
+    **{".js": "text/javascript; charset=utf-8", ".svg": "image/svg+xml"},
+}
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
@@ -105,11 +108,11 @@ class _Server(ThreadingHTTPServer):
     def __init__(self, site: Site, host: str, port: int) -> None:
         self.site = site
         folder = files("curvescan.live").joinpath("page")
-        names = ("stage.js", f"{site.page}.js", "page.css", "icon.svg")
-        html = folder.joinpath(f"{site.page}.html").read_bytes()
-        self.contents: dict[str, Content] = {"/": (html, "text/html; charset=utf-8")}
-        for name in names:
-            self.contents[f"/{name}"] = (folder.joinpath(name).read_bytes(), _KINDS[name[name.rindex(".") :]])
+        paths = {f"/{name}": name for name in ("stage.js", f"{site.page}.js", "page.css", "icon.svg")}
+        paths["/"] = f"{site.page}.html"
+        self.contents: dict[str, Content] = {
+            path: (folder.joinpath(name).read_bytes(), _KINDS[name[name.rindex(".") :]]) for path, name in paths.items()
+        }
         if ":" in host:
             self.address_family = socket.AF_INET6
         self._free = threading.BoundedSemaphore(MAX_CONNECTIONS)
@@ -189,17 +192,14 @@ class _Handler(BaseHTTPRequestHandler):
         elif not (length.isascii() and length.isdigit() and int(length) <= MAX_BODY):
             self.send_error(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "the request has no length, or is too long")
         else:
-            self._act(self.rfile.read(int(length)))
-
-    def _act(self, body: bytes) -> None:
-        try:
-            arguments = json.loads(body)
-            if not isinstance(arguments, dict):
-                raise InvalidArgumentError("an action takes an object")
-            self._send(*self.server.site.act(self._action(), arguments))
-        except (CurvescanError, ValueError, TypeError, KeyError, RecursionError) as error:
-            text = json.dumps({"error": str(error)}).encode()
-            self._send(text, JSON, HTTPStatus.UNPROCESSABLE_ENTITY)
+            try:
+                arguments = json.loads(self.rfile.read(int(length)))
+                if not isinstance(arguments, dict):
+                    raise InvalidArgumentError("an action takes an object")
+                self._send(*self.server.site.act(self._action(), arguments))
+            except (CurvescanError, ValueError, TypeError, KeyError, RecursionError) as error:
+                text = json.dumps({"error": str(error)}).encode()
+                self._send(text, JSON, HTTPStatus.UNPROCESSABLE_ENTITY)
 
     def _action(self) -> str:
         """Return the name of the action that was asked for; empty where none was."""

@@ -163,15 +163,13 @@ class Viewer(MapSink):
             points = self._map.path(seen.n_path)
             yield ("path", {"start": seen.n_path, "points": np.round(points, 3).ravel().tolist()})
             seen.n_path += len(points)
-        if self._picture is not None and self._picture.version != seen.picture:
-            seen.picture = self._picture.version
-            p = self._picture
+        if (p := self._picture) is not None and p.version != seen.picture:
+            seen.picture = p.version
             yield ("map", {"version": p.version, "origin": p.origin, "resolution": p.resolution, "shape": p.shape})
         if seen.n_wheels < len(self._wheels):
             yield "wheels", {"start": seen.n_wheels // 2, "points": self._wheels[seen.n_wheels :].tolist()}
             seen.n_wheels = len(self._wheels)
-        closures = (self._map.path_version, self._n_closures)
-        if closures != seen.closures:
+        if (closures := (self._map.path_version, self._n_closures)) != seen.closures:
             seen.closures = closures
             # x, y of both ends of each on the path, metres
             yield "closures", {"lines": np.round(self._map.places(self._closures), 3).ravel().tolist()}

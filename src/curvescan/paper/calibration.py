@@ -222,25 +222,26 @@ def _functions(plane: Points, config: CfSmaConfig) -> tuple[Floats, tuple[Ints, 
     return curvature_functions(plane, *whole, config.curvature)[0], whole
 
 
-def _n_peaks(plane: Points, config: CfSmaConfig) -> int:
-    eta, whole = _functions(plane, config)
-    return len(characteristic_points(eta, *whole, config.landmarks))
+def _peaks(surface: Points, config: CfSmaConfig) -> Ints:
+    """Return the readings of a surface that are characteristic points."""
+    eta, whole = _functions(surface, config)
+    return characteristic_points(eta, *whole, config.landmarks).extents[:, 0]
+
+
+def _n_peaks(surface: Points, config: CfSmaConfig) -> int:
+    return _peaks(surface, config).size
 
 
 def _residual_correlations(groups: tuple[PlaneGroup, ...], config: CfSmaConfig) -> Floats:
     length = config.functions.length
-    found = []
+    found = [np.empty(0)]
     for group in groups:
-        rows = []
-        for plane in group.planes:
-            eta, whole = _functions(plane, config)
-            if eta.any():
-                rows.append(spectra(eta, *whole, length))
+        functions = (_functions(plane, config) for plane in group.planes)
+        rows = [spectra(eta, *whole, length) for eta, whole in functions if eta.any()][:100]
         if len(rows) > 1:
-            all_rows = np.concatenate(rows[:100])
-            upsilon = correlations(all_rows, all_rows, length)
-            found.append(upsilon[np.triu_indices(len(all_rows), k=1)])
-    return np.sort(np.concatenate(found)) if found else np.empty(0)
+            upsilon = correlations(np.concatenate(rows), np.concatenate(rows), length)
+            found.append(upsilon[np.triu_indices(len(rows), k=1)])
+    return np.sort(np.concatenate(found))
 
 
 class _Corner(NamedTuple):
@@ -264,15 +265,13 @@ def _found(corners: list[_Corner], config: CfSmaConfig) -> float:
     Two sides of length a and b waste a + b - c of their arc on the chord c, so that the walk goes round the corner
     early.
     """
-    found = 0
-    for corner in corners:
-        eta, whole = _functions(corner.points, config)
-        peaks = characteristic_points(eta, *whole, config.landmarks).extents[:, 0]
-        step = np.hypot(*np.diff(corner.points, axis=0).T)
-        reach = config.curvature.arc_tolerance / (1.0 - np.cos(corner.turn))
-        reach += _NEAR_CORNER * np.median(step)
-        found += bool((np.hypot(*(corner.points[peaks] - corner.at).T) <= reach).any())
-    return found / len(corners)
+    n_found = 0
+    for points, at, turn in corners:
+        peaks = _peaks(points, config)
+        step = np.median(np.hypot(*np.diff(points, axis=0).T))
+        reach = config.curvature.arc_tolerance / (1.0 - np.cos(turn)) + _NEAR_CORNER * step
+        n_found += bool((np.hypot(*(points[peaks] - at).T) <= reach).any())
+    return n_found / len(corners)
 
 
 def _line(points: Points) -> tuple[Points, float]:

@@ -47,13 +47,10 @@ def calibration_tables(calibration: Calibration) -> list[ResultTable]:
     pairs = calibration.pairs
     return [
         _parameter_table(calibration),
-        ResultTable.of(
-            "A wall 0.9 m beside the sensor, out to 8 m",
-            zip(SIGMAS, calibration.whole, strict=True),
-            [
-                ("sigma_rho [m]", lambda one: f"{one[0]:g}"),
-                ("scans in which it is one segment", lambda one: f"{100 * one[1]:.0f} %"),
-            ],
+        ResultTable(
+            title="A wall 0.9 m beside the sensor, out to 8 m",
+            columns=("sigma_rho [m]", "scans in which it is one segment"),
+            rows=[(f"{s:g}", f"{100 * share:.0f} %") for s, share in zip(SIGMAS, calibration.whole, strict=True)],
         ),
         ResultTable(
             title="False peaks a plane",
@@ -63,22 +60,20 @@ def calibration_tables(calibration: Calibration) -> list[ResultTable]:
                 for u_k, column in zip(TOLERANCES, calibration.false_peaks.T, strict=True)
             ],
         ),
-        ResultTable.of(
-            "n: consecutive scans of simulated offices, up to 0.1 m and 5 deg apart",
-            zip(NEIGHBOURS, pairs.right_shares, pairs.seconds, strict=True),
-            [
-                ("n", lambda one: f"{one[0]}"),
-                ("right within 0.1 m, 2 deg", lambda one: f"{100 * one[1]:.1f} %"),
-                ("time of a match", lambda one: f"{1e3 * one[2]:.2f} ms"),
+        ResultTable(
+            title="n: consecutive scans of simulated offices, up to 0.1 m and 5 deg apart",
+            columns=("n", "right within 0.1 m, 2 deg", "time of a match"),
+            rows=[
+                (f"{n}", f"{100 * share:.1f} %", f"{1e3 * seconds:.2f} ms")
+                for n, share, seconds in zip(NEIGHBOURS, pairs.right_shares, pairs.seconds, strict=True)
             ],
         ),
-        ResultTable.of(
-            "S_min: pairs of characteristic points of the same scans",
-            zip(SIMILARITIES, pairs.wrong_rejected, pairs.right_kept, strict=True),
-            [
-                ("S_min", lambda one: f"{one[0]:.2f}"),
-                ("wrong pairs rejected", lambda one: f"{100 * one[1]:.1f} %"),
-                ("right pairs kept", lambda one: f"{100 * one[2]:.1f} %"),
+        ResultTable(
+            title="S_min: pairs of characteristic points of the same scans",
+            columns=("S_min", "wrong pairs rejected", "right pairs kept"),
+            rows=[
+                (f"{s_min:.2f}", f"{100 * rejected:.1f} %", f"{100 * kept:.1f} %")
+                for s_min, rejected, kept in zip(SIMILARITIES, pairs.wrong_rejected, pairs.right_kept, strict=True)
             ],
         ),
     ]

@@ -88,13 +88,15 @@ def run_experiments(
     if only_logs and not logs:
         raise InvalidArgumentError("there is nothing to run without the simulated scans: give logs")
     owned = assign_relations(logs, relations)
-    random_transforms: dict[RandomTransformCondition, TransformResult] = {}
-    drives: tuple[ScenarioComparison, ...] = ()
-    if not only_logs:
-        random_transforms = _random_transforms(is_quick=is_quick, seed=seed, progress=progress)
-        drives = tuple(
-            _drive(experiment, methods, is_quick=is_quick, seed=seed, progress=progress) for experiment in DRIVES
-        )
+    conditions, experiments = ((), ()) if only_logs else (CONDITIONS, DRIVES)
+    random_transforms = {}
+    for k, condition in enumerate(conditions):
+        n_runs = 2 * N_BATCHES if is_quick else N_RUNS[k >= N_PAPER_CONDITIONS]
+        on_run = progress(f"experiment 1, {condition.title}", n_runs)
+        configs = (None, CfSmaConfig(consistency=True))
+        plain, consistent = run_random_transforms(condition, n_runs=n_runs, seed=seed, configs=configs, on_run=on_run)
+        random_transforms[condition] = plain, consistent
+    drives = tuple(_drive(one, methods, is_quick=is_quick, seed=seed, progress=progress) for one in experiments)
     judged = [
         evaluate_log(
             log, method, relations=some, laser_pose=laser_pose, on_step=progress(f"{log.name}, {method}", len(log) - 1)
@@ -110,24 +112,6 @@ def run_experiments(
         n_parameters={method: count_parameters(find_matcher(method).config) for method in methods},
         logs=tuple(judged),
     )
-
-
-def _random_transforms(
-    *, is_quick: bool, seed: int, progress: Progress
-) -> dict[RandomTransformCondition, TransformResult]:
-    """Return experiment 1 of each condition, without and with the consistency test."""
-    found = {}
-    for k, condition in enumerate(CONDITIONS):
-        n_runs = 2 * N_BATCHES if is_quick else N_RUNS[k >= N_PAPER_CONDITIONS]
-        plain, consistent = run_random_transforms(
-            condition,
-            n_runs=n_runs,
-            seed=seed,
-            configs=(None, CfSmaConfig(consistency=True)),
-            on_run=progress(f"experiment 1, {condition.title}", n_runs),
-        )
-        found[condition] = plain, consistent
-    return found
 
 
 def _drive(

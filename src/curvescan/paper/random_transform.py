@@ -206,7 +206,7 @@ def run_random_transforms(
     world: str = "office",
     seed: int = 0,
     configs: tuple[CfSmaConfig | None, ...] = (None,),
-    on_run: Callable[[], None] | None = None,
+    on_run: Callable[[], object] = lambda: None,
 ) -> tuple[RandomTransformRuns, ...]:
     """Return CF-SMA's errors over random transforms of N_BATCHES seeds; configs (None: defaults) share the pairs."""
     batches: list[list[RandomTransformRuns]] = [[] for _ in configs]
@@ -214,20 +214,15 @@ def run_random_transforms(
         pairs = []
         for pair in transformed_pairs(condition, n_runs // N_BATCHES, seed + b, world=world):
             pairs.append(pair)
-            if on_run:
-                on_run()
+            on_run()
         for one, config in zip(batches, configs, strict=True):
             one.append(match_transformed(pairs, condition.moves, config, b))
     return tuple(_joined(one) for one in batches)
 
 
 def _joined(batches: list[RandomTransformRuns]) -> RandomTransformRuns:
-    failures: Counter[Outcome] = Counter()
-    for one in batches:
-        failures.update(one.failures)
-    return RandomTransformRuns(
-        errors=np.concatenate([one.errors for one in batches]),
-        n_matched=np.concatenate([one.n_matched for one in batches]),
-        failures=dict(failures.most_common()),
-        batch=np.concatenate([one.batch for one in batches]),
+    failures = sum((Counter(one.failures) for one in batches), Counter[Outcome]())
+    errors, n_matched, batch = (
+        np.concatenate([getattr(one, name) for one in batches]) for name in ("errors", "n_matched", "batch")
     )
+    return RandomTransformRuns(errors=errors, n_matched=n_matched, failures=dict(failures.most_common()), batch=batch)

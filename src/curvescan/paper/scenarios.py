@@ -147,7 +147,10 @@ class ScenarioResult:
 
 
 def run_scenario(
-    log: Simulation, method: str, config: MatcherConfig | None = None, on_step: Callable[[Step], None] | None = None
+    log: Simulation,
+    method: str,
+    config: MatcherConfig | None = None,
+    on_step: Callable[[Step], object] = lambda _: None,
 ) -> ScenarioResult:
     """Return what a method makes of scans, scan to scan."""
     variances: list[Floats] = []
@@ -165,8 +168,7 @@ def run_scenario(
             lu_milios.append(np.diag(lu_milios_covariance(log[k - 1], log[k], result)))
             is_matched[k] = result.labels_current == Label.MATCHED
             is_discarded[k] = log[k].valid & ~is_matched[k]
-        if on_step:
-            on_step(step)
+        on_step(step)
 
     odometry = Odometry(method, matcher=config, config=OdometryConfig.scan_to_scan())
     run = run_odometry(log, odometry, on_step=collect)

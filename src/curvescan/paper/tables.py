@@ -13,7 +13,7 @@ from curvescan.evaluation.real_logs import LogEvaluation
 from curvescan.mapping.occupied_cells import OccupiedCells, occupied_cells
 from curvescan.paper.experiments import ScenarioComparison
 from curvescan.paper.random_transform import SUCCESS, RandomTransformCondition, RandomTransformRuns, TransformResult
-from curvescan.paper.scenarios import ScenarioResult, Share
+from curvescan.paper.scenarios import ScenarioResult
 from curvescan.plots.colours import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, segment_colour
 from curvescan.plots.map import as_place, draw_side_by_side, draw_truth, drawing, from_first
 from curvescan.runs.document import ResultTable
@@ -105,29 +105,21 @@ def covariance_table(drive: ScenarioComparison) -> ResultTable:
 def dynamic_table(drive: ScenarioComparison) -> ResultTable:
     """Return what became of the readings of people, all seeds."""
 
-    def share(of: Callable[[ScenarioResult], Share], one: _ByMethod) -> float:
-        n_part, n_whole = np.sum([of(result) for result in one[1]], axis=0)
+    def share(name: str, one: _ByMethod) -> float:
+        n_part, n_whole = np.sum([getattr(result, name) for result in one[1]], axis=0)
         return float(n_part) / max(int(n_whole), 1)
 
+    people = "matched readings that are people, of all readings that are"
+    others = "matched readings of all others, of these"
+    moved = "dynamic by free-space violation: precision, recall"
     return ResultTable.of(
         f"{_name(drive)}: readings of people",
         drive.results.items(),
         [
             ("method", lambda one: one[0]),
-            (
-                "matched readings that are people, of all readings that are",
-                lambda one: f"{100 * share(lambda r: r.people_matched, one):.1f} %",
-            ),
-            (
-                "matched readings of all others, of these",
-                lambda one: f"{100 * share(lambda r: r.static_matched, one):.1f} %",
-            ),
-            (
-                "dynamic by free-space violation: precision, recall",
-                lambda one: (
-                    f"{share(lambda r: r.moved_precision, one):.3f}, {share(lambda r: r.moved_recall, one):.3f}"
-                ),
-            ),
+            (people, lambda one: f"{100 * share('people_matched', one):.1f} %"),
+            (others, lambda one: f"{100 * share('static_matched', one):.1f} %"),
+            (moved, lambda one: f"{share('moved_precision', one):.3f}, {share('moved_recall', one):.3f}"),
         ],
     )
 

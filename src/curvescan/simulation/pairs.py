@@ -66,7 +66,7 @@ class ScanPairs(Sequence[ScanPair]):
     def __getitem__(self, i: slice) -> Sequence[ScanPair]: ...
     def __getitem__(self, i: int | slice) -> ScanPair | Sequence[ScanPair]:
         if isinstance(i, slice):
-            return [self._pair(k) for k in range(*i.indices(len(self)))]
+            return [self._pair(k) for k in range(len(self))[i]]
         if not -len(self) <= i < len(self):
             raise IndexError(f"pair {i} of {len(self)}")
         return self._pair(i % len(self))

@@ -158,18 +158,13 @@ def observe(
     shape = (len(poses), sensor.n_beams)
     ranges, exact, is_person = np.empty(shape), np.empty(shape), np.empty(shape, dtype=bool)
     beams: Floats = np.arange(sensor.n_beams, dtype=np.float64)
+    angles, times = sensor.angle_min + sensor.angle_increment * beams, sensor.time_increment * beams[:, np.newaxis]
     for i, pose in enumerate(poses):
         if velocities is None:
             exact[i], hit_idx = cast_beams(world, pose, sensor, range_max=sight(sensor), people=people[i])
         else:
-            times = sensor.time_increment * beams[:, np.newaxis]
-            exact[i], hit_idx = cast_sweep(
-                world,
-                se2.compose(pose, se2.exp(times * velocities[i])),
-                np.asarray(sensor.angle_min + sensor.angle_increment * beams),
-                range_max=sight(sensor),
-                people=people[i],
-            )
+            on_the_way = se2.compose(pose, se2.exp(times * velocities[i]))
+            exact[i], hit_idx = cast_sweep(world, on_the_way, angles, range_max=sight(sensor), people=people[i])
         ranges[i] = measure(exact[i], sensor, np.random.default_rng(child(seed, NOISE, i)))
         is_person[i] = (hit_idx >= world.n_primitives) & np.isfinite(ranges[i])
     for array in (ranges, exact, is_person):

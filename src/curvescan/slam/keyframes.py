@@ -39,18 +39,10 @@ class Keyframe:
 
 
 class Keyframes:
-    """All keyframes, by row; the features of those used last are kept.
-
-    Attributes
-    ----------
-    index : PlaceIndex
-        Which of them look like a scan.
-    """
+    """All keyframes, by row; `index` tells which of them look like a scan; the features of those used last are kept."""
 
     def __init__(self, method: str, matcher_config: MatcherConfig | None, n_prepared: int) -> None:
-        self._method = method
-        self._matcher_config = matcher_config
-        self._n_prepared = n_prepared
+        self._method, self._matcher_config, self._n_prepared = method, matcher_config, n_prepared
         self._all: list[Keyframe] = []
         self._numbers = itertools.count()
         self._profiles = Rows((2, N_SECTORS))

@@ -30,15 +30,9 @@ def is_deskewed(engine: Engine) -> bool:
 
 
 class OdometryAhead(Protocol):
-    """The odometry of a log, made elsewhere: ``curvescan.runs.odometry_process``.
+    """The odometry of a log, made elsewhere: ``curvescan.runs.odometry_process``."""
 
-    Attributes
-    ----------
-    odometry : Odometry
-        At the end of the iteration the one that has placed all scans.
-    """
-
-    odometry: Odometry
+    odometry: Odometry  # at the end of the iteration the one that has placed all scans
 
     def __iter__(self) -> Iterator[PlacedScan]:
         """Yield the scans of the log with their steps, in order."""

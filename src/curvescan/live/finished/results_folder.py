@@ -2,7 +2,6 @@
 
 import csv
 import json
-from array import array
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -140,47 +139,41 @@ def describe_map(
     weight_of = {
         tuple(e): w for e, w in zip(slam_map.ends[is_closure].tolist(), slam_map.weights[is_closure], strict=True)
     }
-    kinds: dict[tuple[str, str], int] = {}
-    rows: list[tuple[int, int]] = []
-    places, figures = array("d"), array("d")
-    kind: list[int] = []
 
     def place(number: int) -> tuple[float, float]:
         row, scan = row_of.get(number, -1), scan_of.get(number, -1)
         poses, k = (slam_map.poses, row) if row >= 0 else (path, scan)
         return (float(poses[k, 0]), float(poses[k, 1])) if 0 <= k < len(poses) else (np.nan, np.nan)
 
-    def add(i: int, j: int, what: tuple[str, str], *values: float) -> None:
-        rows.append((row_of.get(i, -1), row_of.get(j, -1)))
-        places.extend((*place(i), *place(j)))
-        figures.extend(values)
-        kind.append(kinds.setdefault(what, len(kinds)))
-
+    found: list[tuple[int, int, tuple[str, str], list[float]]] = []
     for c in closures:
         i, j = int(c["keyframe_i"]), int(c["keyframe_j"])
         # neighbours along the path are matched too; they close no loop
         of_neighbours = "" if c["kind"] == "loop closure" else " (neighbours)"
-        what = (c["outcome"] + of_neighbours, c["meaning"])
+        name, text = c["outcome"], c["meaning"]
         weight = weight_of.pop((row_of.get(i, -1), row_of.get(j, -1)), None)
-        if c["outcome"] in _ACCEPTED and weight is None and i in row_of and j in row_of:
-            what = (_DROPPED[0] + of_neighbours, _DROPPED[1])
-        elif c["outcome"] in _ACCEPTED and weight is not None and weight <= _FOLLOWED:
-            what = (_UNFOLLOWED[0] + of_neighbours, _UNFOLLOWED[1])
-        add(i, j, what, *(float(c[name] or "nan") for name in ("score", "confidence", "squared_mahalanobis")))
-    for (i, j), weight in weight_of.items():
-        add(int(numbers[i]), int(numbers[j]), _CARRIED if weight > _FOLLOWED else _UNFOLLOWED, *(np.nan,) * 3)
-    counts = Counter(kind)
+        if name in _ACCEPTED and weight is None and i in row_of and j in row_of:
+            name, text = _DROPPED
+        elif name in _ACCEPTED and weight is not None and weight <= _FOLLOWED:
+            name, text = _UNFOLLOWED
+        values = [float(c[column] or "nan") for column in ("score", "confidence", "squared_mahalanobis")]
+        found.append((i, j, (name + of_neighbours, text), values))
+    for (a, b), weight in weight_of.items():
+        what = _CARRIED if weight > _FOLLOWED else _UNFOLLOWED
+        found.append((int(numbers[a]), int(numbers[b]), what, [np.nan] * 3))
+    counts = Counter(what for _, _, what, _ in found)
+    kinds = list(counts)
+    rows = [(row_of.get(i, -1), row_of.get(j, -1)) for i, j, *_ in found]
     return {
         "keyframes": slam_map.poses.astype(np.float32),
         "keyframe_covariances": _four(slam_map.covariances, len(slam_map)),
         "closures": {
             "rows": np.array(rows, dtype=np.int32).reshape(-1, 2),
-            "places": np.array(places, dtype=np.float32),
-            "figures": np.array(figures, dtype=np.float32),
-            "kind": np.array(kind, dtype=np.uint8),
+            "places": np.array([place(n) for i, j, *_ in found for n in (i, j)], dtype=np.float32).ravel(),
+            "figures": np.array([values for *_, values in found], dtype=np.float32).ravel(),
+            "kind": np.array([kinds.index(what) for _, _, what, _ in found], dtype=np.uint8),
             "kinds": [
-                [name, text, name.split(" ")[0] in (*_ACCEPTED, _CARRIED[0]), counts[k]]
-                for (name, text), k in kinds.items()
+                [name, text, name.split(" ")[0] in (*_ACCEPTED, _CARRIED[0]), n] for (name, text), n in counts.items()
             ],
         },
     }

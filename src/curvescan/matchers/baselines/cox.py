@@ -5,7 +5,7 @@ Robotics and Automation 7 (1991); with lines taken from the reference scan by J.
 comparison of scan matching approaches for self-localization in indoor environments", EUROBOT 1996.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,7 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Bools, Cov, Ints, Points, Pose
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class CoxFeatures:
+class CoxFeatures(NamedTuple):
     """Readings and lines of one scan."""
 
     points: ScanPoints
@@ -42,7 +41,7 @@ class CoxMatcher:
     def prepare(self, scan: LaserScan) -> CoxFeatures:
         """Return the readings and the lines of a scan."""
         points = sweep_of(scan, self.config.median_readings)
-        return CoxFeatures(points=points, lines=extract_lines(points, self.config.lines))
+        return CoxFeatures(points, extract_lines(points, self.config.lines))
 
     def can_be_reference(self, features: CoxFeatures) -> bool:
         """Return whether the scan has a line."""

@@ -8,8 +8,7 @@ scan sees what the other does not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,14 +23,13 @@ from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.result import MatchResult
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.types import Cov, Ints, Points, Pose
+from curvescan.types import Cov, Ints, Pose
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class IcpFeatures:
+class IcpFeatures(NamedTuple):
     """Readings of one scan and the tree in which the nearest of them is looked up."""
 
     points: ScanPoints
@@ -47,7 +45,11 @@ class IcpMatcher:
     def prepare(self, scan: LaserScan) -> IcpFeatures:
         """Return the readings of a scan, and the k-d tree in which the nearest of them is found."""
         points = sweep_of(scan)
-        return IcpFeatures(points=points, tree=_plant_tree(points.points))
+        try:  # loaded when it is used, for the other matchers need none
+            from scipy.spatial import cKDTree
+        except ImportError as error:
+            raise MissingPackageError('method "icp" needs SciPy: pip install scipy') from error
+        return IcpFeatures(points, cKDTree(points.points))
 
     def can_be_reference(self, features: IcpFeatures) -> bool:
         """Return whether the scan has a surface at all."""
@@ -74,12 +76,3 @@ class IcpMatcher:
         n_shrinking = config.gate.n_shrinking
         icp = Iteration(method="icp", pair=pair, move=move, covariance=covariance, n_shrinking=n_shrinking)
         return match_by_iteration(icp, ref, cur, prior, config.convergence, config.min_share)
-
-
-def _plant_tree(points: Points) -> cKDTree:
-    """Return a k-d tree of (n, 2) points; SciPy is loaded when it is used, for the other matchers need none."""
-    try:
-        from scipy.spatial import cKDTree
-    except ImportError as error:
-        raise MissingPackageError('method "icp" needs SciPy: pip install scipy') from error
-    return cKDTree(points)

@@ -31,8 +31,7 @@ class IterationTrace:
     @property
     def pose(self) -> Pose:
         """Where it stopped."""
-        last: Pose = self.poses[-1]
-        return last
+        return np.asarray(self.poses[-1])
 
     @property
     def n_iterations(self) -> int:
@@ -48,17 +47,15 @@ def iterate(
     A few pairs that change sides for ever make it jump between two or three poses: it has converged, too, when a pose
     lies within the limits of any earlier one.
     """
-    poses = [(float(guess[0]), float(guess[1]), float(guess[2]))]
+    poses = [guess.tolist()]
     has_converged = is_lost = False
     for iteration in range(max(config.max_iterations, n_shrinking + 1)):
         found = step(np.array(poses[-1]), iteration)
+        is_lost = found is None
         if found is None:
-            is_lost = True
             break
-        pose = (float(found[0]), float(found[1]), float(found[2]))
-        has_converged = iteration >= n_shrinking and any(
-            _is_near(pose, earlier, config) for earlier in poses[n_shrinking:]
-        )
+        pose = found.tolist()
+        has_converged = any(_is_near(pose, one, config) for one in poses[n_shrinking:] if iteration >= n_shrinking)
         poses.append(pose)
         if has_converged:
             break
@@ -73,8 +70,7 @@ def keep_best(squared: Floats, share: float) -> Bools:
     if n_kept >= n:
         return paired
     limit = np.partition(squared, n_kept - 1)[n_kept - 1]
-    kept: Bools = squared <= limit
-    return kept
+    return np.asarray(squared <= limit)
 
 
 def within_quantile(squared: Floats, kept: Bools, order: float, factor: float) -> Bools:
@@ -84,11 +80,10 @@ def within_quantile(squared: Floats, kept: Bools, order: float, factor: float) -
         return kept
     at = math.ceil(order * distances.size) - 1
     limit = factor * factor * np.partition(distances, at)[at]
-    near: Bools = kept & (squared <= limit)
-    return near
+    return np.asarray(kept & (squared <= limit))
 
 
-def _is_near(pose: tuple[float, float, float], other: tuple[float, float, float], config: ConvergenceConfig) -> bool:
+def _is_near(pose: list[float], other: list[float], config: ConvergenceConfig) -> bool:
     turned = abs((pose[2] - other[2] + math.pi) % (2.0 * math.pi) - math.pi)
     moved = math.hypot(pose[0] - other[0], pose[1] - other[1])
     return moved < config.min_translation and turned < config.min_rotation
@@ -106,10 +101,7 @@ DAMPING = 1e-3  # share of a reading added to the information along every direct
 def jacobian(points_cur: Points, normals: Points, pose: Pose) -> Floats:
     """Return (n, 3) change of each normal distance with x, y, theta of the pose: 1, 1, metres a radian."""
     turned = points_cur @ se2.rotation(pose[2]).T
-    rows = np.empty((len(normals), 3))
-    rows[:, :2] = normals
-    rows[:, 2] = normals[:, 1] * turned[:, 0] - normals[:, 0] * turned[:, 1]
-    return rows
+    return np.column_stack([normals, normals[:, 1] * turned[:, 0] - normals[:, 0] * turned[:, 1]])
 
 
 def is_constrained(rows: Floats, points_cur: Points) -> bool:
@@ -150,8 +142,7 @@ def propagated_covariance(
     variance = max(float(errors @ errors) / max(n - 3, 1) / spread, least_sigma**2)
     middle = np.zeros((3, 3))
     for source_idx, weights in sources:
-        shares = [np.bincount(source_idx, rows[:, k] * weights) for k in range(3)]
-        scores = np.stack(shares, axis=1)
+        scores = np.stack([np.bincount(source_idx, rows[:, k] * weights) for k in range(3)], axis=1)
         middle += scores.T @ scores
     inverse = np.linalg.inv(rows.T @ rows)
     covariance: Cov = inverse @ middle @ inverse * variance

@@ -13,11 +13,11 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.baselines.config import LinesConfig
-from curvescan.matchers.baselines.points import ScanPoints
+from curvescan.matchers.baselines.points import ScanPoints, fit_line
 from curvescan.types import Floats, Ints, Points
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Lines:
     """Line segments of one scan."""
 
@@ -49,13 +49,7 @@ def extract_lines(points: ScanPoints, config: LinesConfig) -> Lines:
     starts, stops = _split_and_merge(ordered, points.starts, points.stops, config.max_error)
     centres, directions, extents = _fit_all(ordered, starts, stops)
     keep = (stops - starts >= config.min_readings) & (np.ptp(extents, axis=1) >= config.min_length)
-    return Lines(
-        centres=centres[keep],
-        directions=directions[keep],
-        extents=extents[keep],
-        starts=starts[keep],
-        stops=stops[keep],
-    )
+    return Lines(*(column[keep] for column in (centres, directions, extents, starts, stops)))
 
 
 def nearest_lines(points: Points, lines: Lines, max_distance: float) -> tuple[Ints, Floats]:
@@ -64,27 +58,13 @@ def nearest_lines(points: Points, lines: Lines, max_distance: float) -> tuple[In
 
 
 @kernel
-def _fit(points: Points, start: int, stop: int) -> tuple[float, float, float, float, float]:
-    """Return centre, direction and greatest normal distance of the total least squares line."""
-    n = stop - start
-    cx, cy = 0.0, 0.0
-    for k in range(start, stop):
-        cx += points[k, 0] / n
-        cy += points[k, 1] / n
-    xx, xy, yy = 0.0, 0.0, 0.0
-    for k in range(start, stop):
-        dx, dy = points[k, 0] - cx, points[k, 1] - cy
-        xx += dx * dx
-        xy += dx * dy
-        yy += dy * dy
-    angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
-    ux, uy = math.cos(angle), math.sin(angle)
-    if ux * (points[stop - 1, 0] - points[start, 0]) + uy * (points[stop - 1, 1] - points[start, 1]) < 0.0:
-        ux, uy = -ux, -uy
+def _worst(points: Points, start: int, stop: int) -> float:
+    """Return the greatest normal distance of readings from their total least squares line."""
+    cx, cy, ux, uy = fit_line(points, start, stop)
     worst = 0.0
     for k in range(start, stop):
         worst = max(worst, abs(ux * (points[k, 1] - cy) - uy * (points[k, 0] - cx)))
-    return cx, cy, ux, uy, worst
+    return worst
 
 
 @kernel
@@ -118,7 +98,7 @@ def _split_and_merge(points: Points, starts: Ints, stops: Ints, max_error: float
             start, stop = begin, end + 1
             begin = end + 1
             has_before = n_found > first_of_surface
-            if has_before and _fit(points, found[n_found - 1, 0], stop)[4] <= max_error:
+            if has_before and _worst(points, found[n_found - 1, 0], stop) <= max_error:
                 start = found[n_found - 1, 0]
                 n_found -= 1
             found[n_found, 0], found[n_found, 1] = start, stop
@@ -132,7 +112,7 @@ def _fit_all(points: Points, starts: Ints, stops: Ints) -> tuple[Points, Points,
     n = starts.size
     centres, directions, extents = np.empty((n, 2)), np.empty((n, 2)), np.zeros((n, 2))
     for s in range(n):
-        cx, cy, ux, uy, _ = _fit(points, starts[s], stops[s])
+        cx, cy, ux, uy = fit_line(points, starts[s], stops[s])
         centres[s, 0], centres[s, 1], directions[s, 0], directions[s, 1] = cx, cy, ux, uy
         for k in range(starts[s], stops[s]):
             along = ux * (points[k, 0] - cx) + uy * (points[k, 1] - cy)

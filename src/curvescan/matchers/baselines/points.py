@@ -27,16 +27,14 @@ def median_filter(readings: Readings, n_readings: int) -> Readings:
     return replace(readings, ranges=ranges, points=readings.points * (ranges / readings.ranges)[:, np.newaxis])
 
 
-def is_visible(points: Points, is_joined: Bools, angle_step: float) -> Bools:
-    """Return which readings a viewer at the origin sees: from the front, nothing before them (projection filter)."""
-    return _is_visible(points, is_joined, max(angle_step, 1e-3), HIDDEN_MARGIN)
-
-
 @kernel
-def _is_visible(points: Points, is_joined: Bools, angle_step: float, margin: float) -> Bools:
-    """Draw all stretches that face the origin into a ring of least ranges, then look each reading up."""
+def is_visible(points: Points, is_joined: Bools, angle_step: float) -> Bools:
+    """Return which readings a viewer at the origin sees: from the front, nothing before them (projection filter).
+
+    All stretches that face the origin are drawn into a ring of least ranges, then each reading is looked up.
+    """
     n = points.shape[0]
-    n_bins = math.ceil(2.0 * math.pi / angle_step)
+    n_bins = math.ceil(2.0 * math.pi / max(angle_step, 1e-3))
     width = 2.0 * math.pi / n_bins
     nearest = np.full(n_bins, np.inf)
     bearings, ranges = np.empty(n), np.empty(n)
@@ -62,7 +60,7 @@ def _is_visible(points: Points, is_joined: Bools, angle_step: float, margin: flo
     visible = np.ones(n, dtype=np.bool_)
     for i in range(n):
         at = math.floor((bearings[i] + math.pi) / width) % n_bins
-        visible[i] = turns_back[i] < 2 and ranges[i] <= nearest[at] + margin
+        visible[i] = turns_back[i] < 2 and ranges[i] <= nearest[at] + HIDDEN_MARGIN
     return visible
 
 
@@ -73,15 +71,9 @@ ARM = 0.15
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ScanPoints:
+class ScanPoints(Readings):
     """The valid readings of a scan, counter-clockwise, with the surfaces they lie on."""
 
-    n_beams: int  # beams of the scan, valid or not
-    beam_idx: Ints  # (m,): the scan's own index of each reading
-    ranges: Floats  # (m,): metres
-    angles: Floats  # (m,): radians, ascending
-    points: Points  # (m, 2): metres, sensor frame
-    angle_step: float  # angle between neighbouring beams, radians, positive
     # (m,): whether the surface goes on from a reading to the next (from the last to the first on a full circle)
     is_joined: Bools
     # (m, 2): unit vector along the surface, counter-clockwise as the sensor sees it; NaN on isolated readings
@@ -90,9 +82,6 @@ class ScanPoints:
     starts: Ints
     stops: Ints
     order: Ints  # (m,): readings surface by surface, so that no surface is cut by the seam of a full circle
-
-    def __len__(self) -> int:
-        return int(self.beam_idx.size)
 
     @property
     def normals(self) -> Points:
@@ -113,19 +102,7 @@ def sweep_of(scan: LaserScan, median_readings: int = 1) -> ScanPoints:
     tangents[segments.order] = _tangents(in_order, segments.starts, segments.stops, ARM)
     for start, stop in zip(segments.starts, segments.stops, strict=True):
         is_joined[segments.order[start : stop - 1]] = True
-    return ScanPoints(
-        n_beams=readings.n_beams,
-        beam_idx=readings.beam_idx,
-        ranges=readings.ranges,
-        angles=readings.angles,
-        points=readings.points,
-        angle_step=readings.angle_step,
-        is_joined=is_joined,
-        tangents=tangents,
-        starts=segments.starts,
-        stops=segments.stops,
-        order=segments.order,
-    )
+    return ScanPoints(**vars(readings), **vars(segments), is_joined=is_joined, tangents=tangents)
 
 
 def hidden_readings(reference: ScanPoints, current: ScanPoints, guess: Pose) -> tuple[Bools, Bools]:
@@ -157,21 +134,26 @@ def _tangents(points: Points, starts: Ints, stops: Ints, arm: float) -> Points:
                 last == i or math.hypot(points[last + 1, 0] - points[i, 0], points[last + 1, 1] - points[i, 1]) <= arm
             ):
                 last += 1
-            n = last - first + 1
-            mean_x, mean_y = 0.0, 0.0
-            for k in range(first, last + 1):
-                mean_x += points[k, 0] / n
-                mean_y += points[k, 1] / n
-            xx, xy, yy = 0.0, 0.0, 0.0
-            for k in range(first, last + 1):
-                dx, dy = points[k, 0] - mean_x, points[k, 1] - mean_y
-                xx += dx * dx
-                xy += dx * dy
-                yy += dy * dy
-            angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
-            x, y = math.cos(angle), math.sin(angle)
-            chord_x = points[last, 0] - points[first, 0]
-            chord_y = points[last, 1] - points[first, 1]
-            sign = 1.0 if x * chord_x + y * chord_y >= 0.0 else -1.0
-            tangents[i, 0], tangents[i, 1] = sign * x, sign * y
+            _, _, tangents[i, 0], tangents[i, 1] = fit_line(points, first, last + 1)
     return tangents
+
+
+@kernel
+def fit_line(points: Points, start: int, stop: int) -> tuple[float, float, float, float]:
+    """Return centre and direction of the total least squares line through readings, from the first to the last."""
+    n = stop - start
+    cx, cy = 0.0, 0.0
+    for k in range(start, stop):
+        cx += points[k, 0] / n
+        cy += points[k, 1] / n
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for k in range(start, stop):
+        dx, dy = points[k, 0] - cx, points[k, 1] - cy
+        xx += dx * dx
+        xy += dx * dy
+        yy += dy * dy
+    angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
+    ux, uy = math.cos(angle), math.sin(angle)
+    if ux * (points[stop - 1, 0] - points[start, 0]) + uy * (points[stop - 1, 1] - points[start, 1]) < 0.0:
+        ux, uy = -ux, -uy
+    return cx, cy, ux, uy

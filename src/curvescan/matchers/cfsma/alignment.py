@@ -12,7 +12,7 @@ consensus", Communications of the ACM 24 (1981), with every sample tried.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.matchers.cfsma.config import LandmarksConfig
 from curvescan.matchers.cfsma.landmarks import LandmarkPairs, Landmarks, Verdict, matched_readings
-from curvescan.types import Bools, Floats, Ints, Points, Pose
+from curvescan.types import Bools, Floats, Points, Pose
 
 COINCIDENT = 1e-6
 """Spread, metres, under which matched points are one point and fix no rotation."""
@@ -102,7 +102,11 @@ def consistent_pairs(
     rows = np.flatnonzero(pairs.verdict == Verdict.PAIRED)
     if rows.size < 2:
         return pairs
-    readings = [matched_readings(landmarks_cur, landmarks_ref, _only(pairs, int(row)), config) for row in rows]
+    # the readings of each pair as if it alone counted
+    alone = np.where(np.arange(pairs.verdict.size) == rows[:, np.newaxis], Verdict.PAIRED, Verdict.NO_CANDIDATE)
+    readings = [
+        matched_readings(landmarks_cur, landmarks_ref, replace(pairs, verdict=verdict), config) for verdict in alone
+    ]
     sizes = np.array([cur_idx.size for cur_idx, _ in readings])
     cur_idx, ref_idx = (np.concatenate(one) for one in zip(*readings, strict=True))
     cur, ref = points_cur[cur_idx], points_ref[ref_idx]
@@ -123,19 +127,6 @@ def consistent_pairs(
         again = agreeing(align(ref[chosen], cur[chosen]).pose)
         if sizes[again].sum() > sizes[best].sum():
             best = again
-    if not best.any():
-        return pairs
-    return _rejecting(pairs, rows[~best])
-
-
-def _only(pairs: LandmarkPairs, row: int) -> LandmarkPairs:
-    """Return the pairs with one alone that counts."""
-    verdict = np.full_like(pairs.verdict, Verdict.NO_CANDIDATE)
-    verdict[row] = Verdict.PAIRED
-    return LandmarkPairs(partner=pairs.partner, similarity=pairs.similarity, verdict=verdict)
-
-
-def _rejecting(pairs: LandmarkPairs, rows: Ints) -> LandmarkPairs:
     verdict = pairs.verdict.copy()
-    verdict[rows] = Verdict.INCONSISTENT
-    return LandmarkPairs(partner=pairs.partner, similarity=pairs.similarity, verdict=verdict)
+    verdict[rows[~best]] = Verdict.INCONSISTENT
+    return replace(pairs, verdict=verdict) if best.any() else pairs

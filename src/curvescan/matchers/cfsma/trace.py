@@ -63,7 +63,7 @@ _GATES = {
 }
 
 _GATE_OF_VERDICT = np.array(
-    [Gate.STRAIGHT, Gate.WEAK, Gate.AMBIGUOUS, Gate.ONE_SIDED, Gate.INCONSISTENT, Gate.MATCHED], dtype=np.uint8
+    [Gate.STRAIGHT, Gate.WEAK, Gate.AMBIGUOUS, Gate.ONE_SIDED, Gate.INCONSISTENT, Gate.OUT_OF_REACH], dtype=np.uint8
 )
 
 
@@ -135,9 +135,7 @@ class CfSmaTrace:
         for start, stop in zip(features.starts, features.stops, strict=True):
             gates[start:stop] = Gate.UNCORRELATED
         for k, verdict in zip(paired, self.segment_verdicts, strict=True):
-            gate = _GATE_OF_VERDICT[verdict]
-            out_of_reach = gate == Gate.MATCHED
-            gates[features.starts[k] : features.stops[k]] = Gate.OUT_OF_REACH if out_of_reach else gate
+            gates[features.starts[k] : features.stops[k]] = _GATE_OF_VERDICT[verdict]
         gates[matched] = Gate.MATCHED
         by_beam = np.full(features.n_beams, Gate.NO_READING, dtype=np.uint8)
         by_beam[features.beam_idx] = gates

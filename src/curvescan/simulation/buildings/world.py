@@ -91,15 +91,9 @@ class World:
             things[:, :2] = se2.transform(pose, things[:, :2])
         boxes[:, 4] += theta
         arcs[:, 3] += theta
-        return replace(
-            self,
-            walls=se2.transform(pose, self.walls.reshape(-1, 2)).reshape(-1, 4),
-            boxes=boxes,
-            circles=circles,
-            arcs=arcs,
-            floor=se2.transform(pose, self.floor),
-            route=se2.transform(pose, self.route),
-        )
+        walls = se2.transform(pose, self.walls.reshape(-1, 2)).reshape(-1, 4)
+        floor, route = (se2.transform(pose, places) for places in (self.floor, self.route))
+        return replace(self, walls=walls, boxes=boxes, circles=circles, arcs=arcs, floor=floor, route=route)
 
     @cached_property
     def segments(self) -> Floats:

@@ -86,8 +86,8 @@ class Grid:
         if not len(cells):
             raise InvalidArgumentError("the world has no free place for a robot: it is too small or too full")
         offsets = self._centres(cells) - np.asarray(place, dtype=np.float64)
-        row, column = cells[int(np.argmin(np.sum(offsets**2, axis=1)))]
-        return int(row), int(column)
+        row, column = cells[np.argmin(np.sum(offsets**2, axis=1))].tolist()
+        return row, column
 
 
 @lru_cache(maxsize=8)

@@ -80,9 +80,9 @@ def follow(line: Points, state: Floats, drive: Drive, step: float) -> Iterator[F
             wanted = min(drive.speed * math.cos(off), limits[i])
             to_target = max(math.hypot(target[0] - x, target[1] - y), _SPACING)
             wanted_turn = 2.0 * max(speed, 0.3) * math.sin(off) / to_target
-        speed = _towards(wanted, speed, faster)
+        speed = min(max(wanted, speed - faster), speed + faster)
         wanted_turn = min(max(wanted_turn, -drive.turn_rate), drive.turn_rate)
-        turn_rate = _towards(wanted_turn, turn_rate, turn_faster)
+        turn_rate = min(max(wanted_turn, turn_rate - turn_faster), turn_rate + turn_faster)
         middle = theta + 0.5 * turn_rate * step
         x += speed * step * math.cos(middle)
         y += speed * step * math.sin(middle)
@@ -102,10 +102,6 @@ def _speed_limits(line: Points, drive: Drive) -> list[float]:
     for i in range(len(line) - 2, -1, -1):
         limits[i] = min(limits[i], math.sqrt(limits[i + 1] ** 2 + drop))
     return [max(float(limit), _CREEP) for limit in limits]
-
-
-def _towards(wanted: float, now: float, change: float) -> float:
-    return min(max(wanted, now - change), now + change)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,15 +133,13 @@ def wheel_odometry(poses: Pose, noise: OdometryNoise, rng: np.random.Generator) 
     turn_2 = se2.wrap(steps[:, 2] - turn_1)
     draws = rng.standard_normal((max(len(poses) - 1, 0), 3))
     sigma_drive = np.sqrt(noise.drive_from_drive * drive**2 + noise.drive_from_turn * (turn_1**2 + turn_2**2))
-    turn_1 = turn_1 + draws[:, 0] * _turn_sigma(turn_1, drive, noise)
-    turn_2 = turn_2 + draws[:, 2] * _turn_sigma(turn_2, drive, noise)
+    turn_1, turn_2 = (
+        turn + draw * np.sqrt(noise.turn_from_turn * turn**2 + noise.turn_from_drive * drive**2)
+        for turn, draw in ((turn_1, draws[:, 0]), (turn_2, draws[:, 2]))
+    )
     drive = drive + draws[:, 1] * sigma_drive
     noisy = np.column_stack([drive * np.cos(turn_1), drive * np.sin(turn_1), se2.wrap(turn_1 + turn_2)])
     odometry = np.zeros((len(poses), 3))
     for i in range(1, len(poses)):
         odometry[i] = se2.compose(odometry[i - 1], noisy[i - 1])
     return odometry
-
-
-def _turn_sigma(turn: Floats, drive: Floats, noise: OdometryNoise) -> Floats:
-    return np.asarray(np.sqrt(noise.turn_from_turn * turn**2 + noise.turn_from_drive * drive**2))

@@ -58,9 +58,8 @@ def circles_of(places: Points, headings: Floats, phases: Floats, people: People)
     if people.body_radius is not None:
         return np.column_stack([places, np.full(len(places), people.body_radius)])
     ahead = np.column_stack([np.cos(headings), np.sin(headings)])
-    across = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    side = 0.5 * people.hip_width * np.column_stack([-ahead[:, 1], ahead[:, 0]])
     swing = _SWING * np.sin(phases)[:, np.newaxis] * ahead
-    side = 0.5 * people.hip_width * across
     legs = np.vstack([places + side + swing, places - side - swing])
     return np.column_stack([legs, np.full(len(legs), people.leg_radius)])
 

@@ -42,7 +42,7 @@ _ANYWHERE_M = 10.0
 """Standard deviation of where matches of other places lie, metres. Their headings are those of the walls, and tell
 nothing."""
 
-SLIP: Cov = np.diag(np.square([10.0, 10.0, 0.3]))
+SLIP: Cov = np.diag(np.square([_ANYWHERE_M, _ANYWHERE_M, 0.3]))
 """(3, 3) covariance of what a way may have slipped and bent without the odometry noticing."""
 
 _SLIP_ODDS = -9.0
