@@ -50,9 +50,11 @@ def short_help(name: str, command: Callable[..., int]) -> str:
     positional, flags, n_groups = _arguments(command)
     head = " ".join(["usage: curvescan", name, *(f.name for f in positional), "[FLAGS]"])
     purpose = textwrap.wrap(_paragraph(command), width)
-    foot = ["", "Defaults and full texts: --help-all."]
-    if n_groups:
-        foot[1] = "Every parameter, with defaults: --help-all; set them there or in a TOML file (--config)."
+    more = "; set them there or in a TOML file (--config)" * any(f.name.startswith("--config ") for f in flags)
+    foot = [
+        "",
+        f"Every parameter, with defaults: --help-all{more}." if n_groups else "Defaults and full texts: --help-all.",
+    ]
     n_left = _MAX_LINES - len(purpose) - len(foot) - 4
     if len(positional) + len(flags) > n_left:
         flags = list(_merged(flags))

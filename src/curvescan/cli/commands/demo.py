@@ -37,8 +37,8 @@ def demo(
     Parameters
     ----------
     log
-        A public log instead of the simulated building: it is downloaded on its first use, mapped as by `curvescan
-        slam`, and compared with its relations where it has them.
+        A public log instead of the simulated building. It is downloaded on its first use, mapped as `curvescan slam`
+        does it, and compared with its relations, if there are any.
     world
         The simulated world.
     sensor
@@ -110,12 +110,11 @@ def warm_up(*, cache: Path | None = None, processor: Literal["generic", "native"
     Parameters
     ----------
     cache
-        Folder for code that travels, for an image or a package; a run finds it in NUMBA_CACHE_DIR. What does not fit
-        the Python, the Numba or the kind of processor there is passed over in silence. Left out: the cache of this
-        machine.
+        Folder for machine code to copy into an image or a package; NUMBA_CACHE_DIR names it there. Code for another
+        Python, Numba or kind of processor is ignored. By default the cache of this machine is filled.
     processor
-        For which processor that folder is: any of the kind of this one (6 % slower, the same results), or this one
-        alone.
+        Processor that the code in --cache is for: `generic` runs on any of this kind (6 % slower, the same results),
+        `native` on this one alone.
     """
     seconds = curvescan.warm_up(cache=cache, processor=processor)
     OUT.print(f"compiled or loaded in {seconds:.1f} s" + (f": {cache}" if cache else ""))

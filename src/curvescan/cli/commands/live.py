@@ -157,8 +157,8 @@ def live(
 ) -> int:
     """Track a running laser and show map, path and scan on a page in the browser.
 
-    Without LOG and --driver, a simulated robot drives round a building. Ctrl-C ends the run; with --out and --record
-    what there is so far is written.
+    Without LOG and --driver, a simulated robot drives round a building. Ctrl-C ends the run; with --out or --record
+    the results so far are saved.
 
     Parameters
     ----------

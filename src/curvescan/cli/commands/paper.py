@@ -30,7 +30,7 @@ def calibrate(
     range_max: float | None = None,
     seed: int = 0,
 ) -> int:
-    """Find the parameters of the method cfsma as the paper found its own; lambda alone is given.
+    """Find the parameters of the method cfsma for a sensor, as the paper did for its own; only lambda is not searched.
 
     sigma_rho keeps a wall beside the sensor in one segment. U_k and U_p are the smallest values at which the curvature
     of a plane shows no peak. The curvature of a plane is noise, and U_c lies just above the correlation that such noise

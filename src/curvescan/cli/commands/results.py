@@ -79,8 +79,8 @@ def edit_map(
 ) -> int:
     """Change a saved map, compare it with another, or write it in other formats.
 
-    Changes are made in the order of the flags here. Writes map.csmap, graph.g2o, map.pgm with map.yaml into the folder;
-    of a plain map, which has cells alone, map.pgm with map.yaml.
+    Makes the changes in the order of the flags below. Writes map.csmap, graph.g2o and map.pgm with map.yaml; of a plain
+    map, which has no keyframes, map.pgm with map.yaml alone.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ def run_batch(
 
     The folder gets a folder of results for each log; manifest.jsonl, a line for each log as soon as it is done;
     fleet.csv, the same as a table, when all are; and workers.log, what the workers say. A log that breaks its worker,
-    or takes too long, has failed; the worker is started anew. Ctrl-C ends the workers; what is in the manifest stands.
+    or takes too long, has failed, and a new worker is started. Ctrl-C ends the workers; logs in the manifest are done.
 
     Logs and results may be in buckets: ``s3://BUCKET/KEY``, ``gs://`` and ``az://``. A log is then fetched to a
     temporary file before it is run, and its results are sent when all are there. Several batches may fill one folder of
