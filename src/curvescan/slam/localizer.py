@@ -174,8 +174,6 @@ class Localizer:
         similar = self._matching.similar(scan, self._n_tried)
         views = self._search.look(scan, prior=self._prior, before=before, matched=similar)
         self._views = views, step
-        if self._prior is not None and views.is_contradicted:
-            self._prior = self._prior.doubted()
         hits = self._confirmed(scan, views.winner)
         return self._take(step, StepOutcome.FOUND, fused(hits), hits) if hits else self._at(step, StepOutcome.SEARCHING)
 

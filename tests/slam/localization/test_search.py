@@ -164,13 +164,6 @@ def test_a_prior_adds_to_what_the_views_say(support: float, view: float, prior: 
     assert (_views(alike, place).winner is place) is is_sure
 
 
-@pytest.mark.parametrize(("fit", "prior", "is_so"), [(-0.3, 0.4, True), (0.4, 0.4, False), (-0.3, -0.2, False)])
-def test_the_map_contradicts_where_the_sensor_was_expected(fit: float, prior: float, is_so: bool) -> None:
-    # seen through walls; half outside the map; nothing was expected in it
-    there = replace(_place(0.0, -0.15), fit=fit, prior=prior)
-    assert _views(there, replace(_place(2.4, 0.3), prior=-0.8)).is_contradicted is is_so
-
-
 def test_one_view_does_not_overrule_those_before() -> None:
     assert _views(_place(0.0, -0.3, 0.3)).winner is None
 

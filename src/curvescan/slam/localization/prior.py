@@ -26,7 +26,7 @@ LOG_ODDS = 20.0
 
 WRONG, _DOUBT = 0.01, 0.1
 """Probability that a fix, an initial pose or a sure match is wrong, and that the sensor was carried away where no sure
-match measured its motion, or the map contradicts a view wherever it was expected."""
+match measured its motion."""
 
 _MOST = 3.0
 """The most that views on the way say of a track, in units of agreement: motions that seem sure may err too."""
@@ -54,13 +54,9 @@ class Prior:
 
     def moved(self, motion: UncertainPose, *, is_doubtful: bool) -> Prior:
         """Return the prior after a motion of the sensor; is_doubtful: whether no sure match measured it."""
-        there = Prior(here=compose(self.here, motion), astray=self.astray)
-        return there.doubted() if is_doubtful else there
-
-    def doubted(self) -> Prior:
-        """Return the prior after something that speaks for a sensor that was carried away."""
         astray = math.exp(self.astray)
-        return Prior(here=self.here, astray=math.log(astray + _DOUBT * (1.0 - astray)))
+        doubted = math.log(astray + _DOUBT * (1.0 - astray)) if is_doubtful else self.astray
+        return Prior(here=compose(self.here, motion), astray=doubted)
 
     def confirmed(self, here: UncertainPose, said: float) -> Prior:
         """Return the prior after a match where it was expected, and what the view says of that place."""

@@ -85,12 +85,6 @@ class Views:
         best = self._decided(alone)
         return best if best is not None and self.found[alone.index(best)].prior > 0.0 else None
 
-    @property
-    def is_contradicted(self) -> bool:
-        """Whether the map speaks against the last view wherever the sensor was expected."""
-        expected = [place.fit for place in self.found if place.prior > 0.0]
-        return bool(expected) and max(expected) < 0.0
-
     def is_best(self, pose: Pose, fit: float) -> bool:
         """Return whether the map, and the prior, agree with a pose clearly better than with any other found."""
         others = [place.fit + place.prior for place in self.found if not is_same(place.pose, pose)]
