@@ -49,7 +49,7 @@ class CompilationWatch:
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
-        """Take all that is called inside for one wait, over at its end."""
+        """Count all compilations inside as one wait, which ends with the block."""
         self._n_holding += 1
         try:
             yield

@@ -60,7 +60,7 @@ def setup_of(log: Log) -> SensorSetup:
 
 
 class _LogSetUp(LogView):
-    """A log as its user has set it up; a Log."""
+    """A log with the user's sensor set-up applied."""
 
     def __init__(self, log: Log, setup: SensorSetup, *, is_mirrored: bool) -> None:
         super().__init__(log)

@@ -60,7 +60,7 @@ class Site(Protocol):
         """Return what a new browser is told, from the beginning, None as a sign of life; None without a stream."""
 
     def act(self, name: str, arguments: Mapping[str, Any]) -> Content:
-        """Do what the page asks for. Raises CurvescanError."""
+        """Carry out one request of the page. Raises CurvescanError."""
 
     def stop(self) -> None:
         """End the streams of all browsers."""

@@ -1,4 +1,4 @@
-"""What an occupancy map is made with."""
+"""Parameters of occupancy maps."""
 
 import math
 from dataclasses import dataclass

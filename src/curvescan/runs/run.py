@@ -256,7 +256,7 @@ def _run(
     out: PathLike | None,
     inputs: tuple[Path, ...],
 ) -> Run:
-    """Return what an engine makes of a log, and write it."""
+    """Run an engine over a log, save the results, and return the run."""
     occupancy = as_config(options.get("occupancy"), OccupancyConfig(), name="occupancy")
     source, shown = options.get("source"), options.get("display") or Silent()
     opened, source = (read_log(log), log) if isinstance(log, str | os.PathLike) else (as_log(log), source)

@@ -153,7 +153,7 @@ class GrowingMap:
         self.graph.poses[j:] = se2.compose(here, onward)
 
     def _join(self, closure: Closure) -> None:
-        """Move the later fragment to where a closure says that it lies in the earlier one."""
+        """Move the later fragment to the place in the earlier one that a closure gives."""
         fragments = np.array(self.fragments)
         earlier, later = sorted((fragments[closure.i], fragments[closure.j]))
         poses = self.graph.poses

@@ -40,8 +40,8 @@ def calibrate(
 
     Writes cfsma.toml for --config, calibration.png and calibration.md.
 
-    With --mounts it finds where the lasers of a bag sit on the robot, from their scans and the wheels, and says which
-    mounts of the bag's transforms are wrong.
+    With --mounts it finds where the lasers of a bag sit on the robot, from their scans and the wheels. It names
+    the mounts of the bag's transforms that are wrong.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ class FrameTree:
             self.moving.add(edge)
 
     def add_all(self, message: Any) -> Iterator[tuple[Any, Edge, Transform]]:
-        """Take note of the transforms of a message, and yield each with its frames and its numbers."""
+        """Add the transforms of a message, and yield each with its frames, its translation and its quaternion."""
         for item in message.transforms:
             edge = frame_name(item.header.frame_id), frame_name(item.child_frame_id)
             transform = seven(item.transform.translation, item.transform.rotation)

@@ -50,7 +50,7 @@ def _plain(value: Any, blocks: list[bytes]) -> Any:
 
 
 class FinishedView:
-    """Finished runs on one page; shown by a notebook, or saved as one HTML file."""
+    """Finished runs on one page. A notebook shows it; `save` writes one HTML file."""
 
     def __init__(self, runs: Sequence[FinishedRun]) -> None:
         self.runs = tuple(runs)  # one, or two side by side

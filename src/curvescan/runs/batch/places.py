@@ -83,7 +83,7 @@ class FolderResults:
         return str(self._root / folder)
 
     def name_folders(self, logs: Sequence[str]) -> dict[str, str]:
-        """Return the name of the folder of results of each log; a log keeps the one it has."""
+        """Return the name of each log's results folder. A log that has a folder already keeps it."""
         known = {log: record.folder for log, record in self.records.items()}
         return name_folders(logs, known, (MANIFEST, FLEET, WORKERS_LOG))
 

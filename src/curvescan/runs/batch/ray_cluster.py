@@ -1,6 +1,6 @@
 """Workers that are actors of a Ray cluster, which the extra ``ray`` installs; see ``workers.py``.
 
-They answer as the processes of one machine do. The environment variable RAY_ADDRESS names the cluster.
+The batch uses them like processes of this machine. The environment variable RAY_ADDRESS names the cluster.
 Without it, a cluster that runs on this machine is used; else one is started, and ends with the batch.
 """
 

@@ -115,8 +115,8 @@ def _without(graph: Problem, gone: Bools) -> Problem:
 def solved(slam_map: SlamMap, graph: Problem, config: SlamConfig) -> SlamMap:
     """Return a map with another graph, optimized to the end, every closure reconsidered.
 
-    A false closure may have cost the right ones their weight: of two optima, one begun with the weights of the map and
-    one with all edges in full, the better one is taken.
+    A false closure may have taken the weight of right ones. So the graph is optimized twice, once from the weights of
+    the map and once from full weights, and the better optimum is kept.
     """
     optima = [graph.optimized(weights=weights) for weights in (graph.weights, None)]
     optimum = min(optima, key=lambda found: float(np.minimum(found.distances, GATE).sum()))
@@ -184,7 +184,7 @@ def write_edits(path: str | os.PathLike[str], edits: Sequence[Edit]) -> None:
 
 
 def read_edits(path: str | os.PathLike[str]) -> tuple[Edit, ...]:
-    """Return the edits of a file. Raises LogFileError, LogFormatError."""
+    """Read a file of edits. Raises LogFileError, LogFormatError."""
     try:
         content = json.loads(Path(path).read_text("utf-8"))
         if not isinstance(content, dict) or content.get("curvescan_edits") != _VERSION:

@@ -36,7 +36,7 @@ def marginal_covariances(information: Any, anchors: Ints) -> Cov:
 
 
 def seen_from(poses: Pose, covariances: Cov, k: int) -> tuple[Pose, Cov]:
-    """Return (n, 3) pose of pose k seen from every pose and (n, 3, 3) its covariance, by those with k known exactly."""
+    """Return pose k seen from each pose, (n, 3) and (n, 3, 3), from covariances that take pose k as known exactly."""
     relative = se2.between(poses, poses[k])
     # by the pose that sees: d/dx_i of R_i^T (t_k - t_i)
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
