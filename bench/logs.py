@@ -1,14 +1,12 @@
-"""Measure the table of docs/logs.md: `python bench/logs.py [--data FOLDER] [--only intel.clf.gz]`.
+"""Measure the tables of docs/logs.md: `python bench/logs.py [--data FOLDER] [--only intel.clf.gz]`.
 
-Reads each log as `curvescan info` does, and follows it as `curvescan odometry` does, the laser alone, with no options
-but those that the issues propose. Each row is kept in bench/logs.jsonl as soon as it is measured, in place of the one
-before; bench/logs.md has the table.
+Runs each log as `curvescan slam LOG` does, without any option. Each row is kept in bench/logs.jsonl as soon as it is
+measured, in place of the one before; bench/logs.md has the tables.
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
 import math
 import os
 from dataclasses import dataclass
@@ -20,10 +18,9 @@ import numpy as np
 
 import curvescan as cs
 from curvescan import se2
-from curvescan.cli.console import with_flags
 from curvescan.evaluation.relations import relation_errors
 from curvescan.evaluation.trajectory_errors import ate, travelled
-from curvescan.odometry.step import StepOutcome
+from curvescan.slam.pose_graph.graph import EdgeKind
 from kept_rows import markdown, read_rows, write_rows
 
 HERE = Path(__file__).parent
@@ -36,11 +33,19 @@ nothing."""
 LOGS: dict[str, tuple[str, Truth]] = {
     "intel-lab/intel.clf.gz": ("Intel Research Lab, SICK, 45 min", "relations"),
     "aces/aces.clf.gz": ("ACES building, SICK, long corridors", "relations"),
+    "mit-killian/mit-killian.clf.gz": ("MIT Killian Court, SICK, 2 h, corridors of 200 m", "relations"),
     "intel-lab/intel-corrected.log.gz": ("Intel, keyframes 0.7 m apart", "corrected"),
     "aces/aces-corrected.log.gz": ("ACES, keyframes", "corrected"),
     "keyframed-corrected/belgioioso-corrected.log.gz": ("castle, keyframes 1 m apart", "corrected"),
     "keyframed-corrected/seattle-corrected.log.gz": ("university, corridors of 30 m, keyframes", "corrected"),
     "keyframed-corrected/acapulco-corrected.log.gz": ("convention centre, keyframes", "corrected"),
+    "keyframed-corrected/orebro-corrected.log.gz": ("university, keyframes up to 3.3 m apart", "corrected"),
+    "cmu-wean-hall/robotdata1.log.gz": ("corridors of Wean Hall, SICK", "wheels"),
+    "cmu-wean-hall/robotdata2.log.gz": ("the same, a longer drive", "wheels"),
+    "cmu-wean-hall/robotdata3.log.gz": ("the same", "wheels"),
+    "cmu-wean-hall/robotdata4.log.gz": ("the same", "wheels"),
+    "cmu-wean-hall/robotdata5.log.gz": ("the same", "wheels"),
+    "duke-loop5/loop5.log.gz": ("one loop through corridors, SICK", "wheels"),
     "leg-tracker-people/general_tracking_moving_1.bag.gz": ("wheelchair among walking people, Hokuyo", "wheels"),
     "leg-tracker-people/demo_stationary_simple_environment.bag.gz": ("Hokuyo at rest, people walk past", "still"),
     "leg-tracker-people/positive_1.bag.gz": ("Hokuyo at rest, one person", "still"),
@@ -48,29 +53,29 @@ LOGS: dict[str, tuple[str, Truth]] = {
     "mumble-rplidar-a1/kitchen_1": ("RPLIDAR A1 on a rover in a flat", ""),
     "mumble-rplidar-a1/slow_half_hallway": ("the same, a hallway", ""),
     "turtlebot4-rplidar/macfirst_floor_take_2": ("RPLIDAR on a TurtleBot 4", "wheels"),
+    "rplidar-slambot/data_6AUG14_16m.clf.gz": ("first RPLIDAR on a tracked rover in a flat", "wheels"),
     "mines-urg04/exp1.dat.gz": ("URG-04LX on a rover", "wheels"),
     "malaga-sena-loop/malaga-sena-loop.clf.gz": ("SICK on a wheelchair, one loop", "wheels"),
     "ual-campus-sick/ual-campus.clf.gz": ("SICK on a car, outdoors, 4 m/s", "wheels"),
 }
 """Each log, by its path in the folder of logs: what it is, and what its end is compared with."""
 
-NOT_LISTED = ("note",)
-"""Kinds of issues that are remarks of the reader."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A log, its issues, and what became of its odometry; metres."""
+    """A log, what was mended in it, and what became of its SLAM; metres."""
 
     log: str
     format: str
     n_scans: int
-    issues: list[str]
-    options: list[str]
+    mended: list[str]
+    motion: str
     n_failed: int
-    n_relocalized: int
+    n_closures: int
     length: float
-    end: str
+    odometry: str
+    slam: str
+    reasons: list[str]
     version: str
     measured: str
 
@@ -83,12 +88,8 @@ class Row:
     @property
     def given(self) -> list[str]:
         """What the log is."""
-        return [
-            self.name,
-            f"{LOGS[self.log][0]}; {self.format}",
-            ", ".join(kind.replace("_", " ") for kind in self.issues) or "none",
-            "<br>".join(f"`{option}`" for option in self.options) or "-",
-        ]
+        mended = ", ".join(kind.replace("_", " ") for kind in self.mended) or "-"
+        return [self.name, f"{LOGS[self.log][0]}; {self.format}", mended, self.motion]
 
     @property
     def found(self) -> list[str]:
@@ -96,37 +97,37 @@ class Row:
         return [
             self.name,
             f"{self.n_scans:,}",
-            f"{self.n_failed:,} ({100 * self.n_failed / self.n_scans:.1f} %)",
-            f"{self.n_relocalized:,}",
+            f"{self.n_failed:,}",
+            f"{self.n_closures:,}",
             f"{self.length:,.0f} m",
-            self.end or "-",
+            self.odometry or "-",
+            self.slam or "-",
+            "trusted" if not self.reasons else f"not: {self.reasons[0]}",
         ]
 
 
-GIVEN = {"log": ":---", "what": ":---", "issues by `info`": ":---", "options": ":---"}
-FOUND = {"log": ":---", "scans": "---:", "no match": "---:", "relocalized": "---:"}
-FOUND |= {"path": "---:", "error": ":---"}
+GIVEN = {"log": ":---", "what": ":---", "mended": ":---", "wheels or gyroscope": ":---"}
+FOUND = {"log": ":---", "scans": "---:", "no match": "---:", "closures": "---:", "path": "---:"}
+FOUND |= {"odometry": ":---", "SLAM": ":---", "verdict": ":---"}
 
 
 def measure(folder: Path, name: str) -> Row:
-    """Read a log, and follow it."""
-    log = cs.read_log(folder / name)
-    issues = cs.find_issues(cs.inspect_log(log))
-    words = [issue.argument.partition("=") for issue in issues if issue.argument]
-    given = {name: ast.literal_eval(value) for name, _, value in words}
-    log = cs.read_log(folder / name, **given)
-    run = cs.run(log).record
-    poses = run.trajectory.poses
+    """Run SLAM over a log, without any option."""
+    run = cs.run(folder / name, engine="slam")
+    record, prepared = run.record, run.prepared
+    poses = record.trajectory.poses
     return Row(
         log=name,
-        format=log.format,
+        format=run.log.format,
         n_scans=len(poses),
-        issues=list(dict.fromkeys(i.kind for i in issues if i.kind not in NOT_LISTED)),
-        options=[with_flags(issue.argument) for issue in issues if issue.remedy],
-        n_failed=int(np.count_nonzero(run.is_failed)),
-        n_relocalized=run.outcomes.count(StepOutcome.RELOCALIZED),
+        mended=list(dict.fromkeys(issue.kind for issue in prepared.done)),
+        motion="used" if record.has_prior else "left out" if prepared.prior.sentence else "none",
+        n_failed=int(np.count_nonzero(record.is_failed)),
+        n_closures=int(np.count_nonzero(run.map.kinds == EdgeKind.CLOSURE)),
         length=round(float(travelled(poses)[-1]), 2),
-        end=end_of(run.trajectory, log, LOGS[name][1], folder / name),
+        odometry=end_of(record.odometry, run.log, LOGS[name][1], folder / name),
+        slam=end_of(record.trajectory, run.log, LOGS[name][1], folder / name),
+        reasons=[reason.partition(";")[0] for reason in run.verdict.reasons],
         version=cs.__version__,
         measured=date.today().isoformat(),
     )
@@ -138,10 +139,10 @@ def end_of(found: cs.Trajectory, log: cs.Log, truth: Truth, path: Path) -> str:
     if truth == "relations":
         relations = cs.read_relations(path.with_name(path.name.split(".")[0] + ".relations"))
         errors = relation_errors(found, relations)
-        return f"{errors.spreads('all')[0].mean:.3f} m over {len(errors):,} checked relations"
+        return f"{errors.spreads('all')[0].mean:.4f} m over {len(errors):,} relations"
     if truth == "still":
         x, y, theta = se2.between(poses[0], poses[-1]).tolist()
-        return f"{1e3 * math.hypot(x, y):.1f} mm, {abs(math.degrees(theta)):.2f} deg of drift"
+        return f"{1e3 * math.hypot(x, y):.1f} mm, {abs(math.degrees(theta)):.2f} deg"
     if not truth or log.odometry is None:
         return ""
     known = log.odometry.poses
@@ -149,7 +150,7 @@ def end_of(found: cs.Trajectory, log: cs.Log, truth: Truth, path: Path) -> str:
     poses, known = poses[is_known], known[is_known]
     if truth == "corrected":
         errors = ate(poses, known)
-        return f"{float(np.sqrt(np.mean(errors**2))):.2f} m ATE against its corrected poses"
+        return f"{float(np.sqrt(np.mean(errors**2))):.2f} m ATE"
     moved = [se2.between(path[0], path[-1]) for path in (known, poses)]
     x, y, theta = se2.between(*moved).tolist()
     return f"{math.hypot(x, y):.1f} m, {abs(math.degrees(theta)):.0f} deg from the wheels"
