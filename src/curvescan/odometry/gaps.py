@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from curvescan.matchers.result import WIDE_PRIOR
 from curvescan.odometry.measurement import SURE, GatedMatch, gate
 from curvescan.odometry.motion_model import LONGEST_STEP
 from curvescan.odometry.observation import Gap, Keyframe, Localization, Observation, Placement
@@ -97,7 +98,9 @@ def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMa
     for one in gap.before:
         expected = placement.localization.relative_to(one)
         expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
-        result = o.matching.matcher.match(one.scan.features, placement.current.features, expected)
+        # the odds of the matches of a gap are added: what was expected is one and the same, and must not count in each
+        known = UncertainPose(expected.pose, WIDE_PRIOR.cov)
+        result = o.matching.matcher.match(one.scan.features, placement.current.features, known)
         gated = gate(result, expected, o.config.motion)
         if gated.is_plausible and (best is None or result.confidence > best.result.confidence):
             best, keyframe = gated, one

@@ -234,7 +234,7 @@ def test_a_pair_is_hopeless_where_no_pose_comes_near():
     assert poses(bad).log_odds(0) < -3.0 < poses(GOOD).log_odds(0)
     assert poses(bad, bad).is_hopeless
     assert not poses(bad, GOOD).is_hopeless  # whichever stands first
-    doubtful = {AGREEING: 6.0, MISFIT: 1.0, SEEN_THROUGH: 0.6}
+    doubtful = {AGREEING: 6.0, MISFIT: 1.0, SEEN_THROUGH: 0.4}
     assert -3.0 < poses(doubtful).log_odds(0) < 0.0
     assert not poses(doubtful).is_hopeless
 

@@ -46,7 +46,7 @@ MAX_REPETITION = 0.45
 REGULAR, PITCH = 0.33, 0.5
 
 COEFFICIENTS = {
-    "constant": -1.15,
+    "constant": -1.75,
     "log10_excess": 1.96,
     "log10_agreeing": 0.54,
     "log10_weakest": 1.21,
@@ -63,7 +63,7 @@ COEFFICIENTS = {
 """Log odds of a pose against nothing in common, by its terms, fitted by bench/fit_confidence.py; the prior's is 1."""
 
 RIVAL_COEFFICIENTS = {
-    "constant": -2.06,
+    "constant": -1.2,
     "log10_misfit": -1.89,
     "log10_seen_through": -2.45,
     "prior": 1.0,
