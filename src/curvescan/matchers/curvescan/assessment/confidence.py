@@ -46,7 +46,7 @@ MAX_REPETITION = 0.45
 REGULAR, PITCH = 0.33, 0.5
 
 COEFFICIENTS = {
-    "constant": -1.75,
+    "constant": -1.3,
     "log10_excess": 1.96,
     "log10_agreeing": 0.54,
     "log10_weakest": 1.21,
