@@ -237,8 +237,8 @@ def test_commands_take_a_set_up(tmp_path, capsys):
     assert run(["odometry", str(bag), "--out", str(out), *flags]) == 0
     assert read_csv(out / "trajectory.csv")[0].poses[1, 2] == pytest.approx(STEP[2], abs=0.003)
     # an empty rectangle looks the same after half a turn
-    guess = ["--guess", "0", "0", "0"]
-    assert run(["match", str(bag), "0", "1", "--out", str(tmp_path / "match"), *guess, *flags]) == 0
+    assert run(["match", str(bag), "0", "1", "--out", str(tmp_path / "match"), *flags]) == 3
+    assert (tmp_path / "match" / "matched.png").exists()
     assert run(["info", str(bag), "--upside-down", "--upright"]) == 1
     assert "exclude each other" in capsys.readouterr().err
 
