@@ -54,20 +54,12 @@ class Candidate(NamedTuple):
 
 
 class LoopSearch:
-    """The search for loop closures in a map that grows.
-
-    Attributes
-    ----------
-    closures : list of Closure
-        Candidates that were matched, and what became of them, by the numbers of their keyframes.
-    is_urgent : bool
-        Whether a loop closed that the graph did not expect, and it is to be optimized at once.
-    """
+    """The search for loop closures in a map that grows."""
 
     def __init__(self, growing: GrowingMap, config: SlamConfig) -> None:
         self.config = config
-        self.closures: list[Closure] = []
-        self.is_urgent = False
+        self.closures: list[Closure] = []  # candidates that were matched, by the numbers of their keyframes
+        self.is_urgent = False  # whether a loop closed that the graph did not expect: to be optimized at once
         self._map = growing
         self._queue: deque[Candidate] = deque()
         self._tried: dict[int, set[int]] = {}  # by the number of each keyframe those of others
