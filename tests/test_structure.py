@@ -198,16 +198,16 @@ PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
 """Floats that nobody tunes; neither are those of 1e-6 and smaller, which guard divisions."""
 
 BUDGET: dict[str, tuple[int, int, int]] = {
-    "(ground)": (1603, 32, 0),
+    "(ground)": (1601, 32, 0),
     "benchmarks": (485, 23, 0),
-    "cli": (2489, 15, 0),
+    "cli": (2477, 15, 0),
     "diagnostics": (1933, 57, 0),
     "evaluation": (828, 15, 0),
-    "io": (5860, 38, 0),
-    "live": (2764, 41, 0),
+    "io": (5857, 38, 0),
+    "live": (2763, 41, 0),
     "mapping": (835, 17, 8),
     "matchers": (669, 5, 0),
-    "matchers/baselines": (1531, 44, 35),
+    "matchers/baselines": (1528, 44, 35),
     "matchers/cfsma": (1101, 15, 17),
     "matchers/curvescan": (4069, 123, 29),
     "odometry": (1974, 28, 19),
@@ -217,7 +217,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "runs/batch": (1632, 5, 0),
     "se2": (387, 0, 0),
     "simulation": (1947, 85, 0),
-    "slam": (5119, 97, 22),
+    "slam": (5118, 97, 22),
 }
 """Lines, tuned numbers and config fields that a room may have: they go down, and this table with them."""
 
