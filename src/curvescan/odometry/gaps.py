@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from curvescan.matchers.result import WIDE_PRIOR, MatchResult
-from curvescan.odometry.measurement import SURE, GatedMatch, gate
+from curvescan.matchers.result import WIDE_PRIOR
+from curvescan.odometry.measurement import SURE, GatedMatch, gate, log_odds_of_best
 from curvescan.odometry.motion_model import LONGEST_STEP
 from curvescan.odometry.observation import Gap, Keyframe, Localization, Observation, Placement
 from curvescan.odometry.step import StepOutcome
@@ -112,17 +112,8 @@ def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMa
             best, keyframe = gated, one
             said = _log_odds(result.confidence)
         elif best is None and not result.ok:
-            said = max(said, _odds_of_failed(result))
+            said = max(said, min(log_odds_of_best(result), 0.0) if result.candidates else _NOTHING)
     return best, said, keyframe
-
-
-def _odds_of_failed(result: MatchResult) -> float:
-    """Return the log odds of the best pose of a match that failed, at most 0."""
-    if not result.candidates:
-        return _NOTHING
-    first, *others = (candidate.log_odds for candidate in result.candidates)
-    against = math.exp(-first) + sum(math.exp(other - first) for other in others)
-    return max(min(-math.log(against), 0.0), -_CERTAIN)
 
 
 def _lost(placement: Placement, gap: Gap) -> Placement:
