@@ -216,7 +216,7 @@ class Localizer:
             return []
         matching, points = self._matching, points_of(scan)
         searched = UncertainPose(place.pose, _SEARCHED)
-        found, _ = matching.around(scan, searched)
+        found, _ = matching.around(scan, searched, is_known=False)
         tried = {hit.keyframe for hit in found}
         found += [hit for hit in similar if hit.keyframe not in tried and is_same(place.pose, hit.here.pose)]
         if not found:

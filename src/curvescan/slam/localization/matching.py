@@ -12,7 +12,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers import PreparedScan
-from curvescan.matchers.result import prior_of
+from curvescan.matchers.result import GUESS_SIGMA, WIDE_PRIOR
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import GATE, SlamConfig
@@ -26,6 +26,7 @@ from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Points, Pose
 
+_GUESS = np.diag(np.square(GUESS_SIGMA))
 _REACH_M = 8.0
 """Keyframes farther away are not matched, metres; one half as far comes behind a near one that shares half as much."""
 
@@ -61,8 +62,13 @@ class MapMatcher:
         self._map, self._keyframes, self._config = slam_map, keyframes, config
         self._precision = MapPrecision(slam_map)
 
-    def around(self, scan: LaserScan, expected: UncertainPose, *, seen_from: int = -1) -> tuple[list[Hit], bool]:
-        """Return matches with keyframes that should show a scan, where it is expected, and whether one was due."""
+    def around(
+        self, scan: LaserScan, expected: UncertainPose, *, seen_from: int = -1, is_known: bool = True
+    ) -> tuple[list[Hit], bool]:
+        """Return matches with keyframes that should show a scan, where it is expected, and whether one was due.
+
+        A place that is only asked about, and not known, says nothing for itself.
+        """
         poses = self._map.poses
         near = np.flatnonzero(np.hypot(*(poses[:, :2] - expected.pose[:2]).T) < _REACH_M)
         relative = se2.between(poses[near], expected.pose)
@@ -75,7 +81,8 @@ class MapMatcher:
         current = self._keyframes.prepare(scan)
         hits: list[Hit] = []
         for row in order.tolist():
-            hit = self._hit(int(near[row]), current, relative[row])
+            guess = UncertainPose(relative[row], _GUESS if is_known else WIDE_PRIOR.cov)
+            hit = self._hit(int(near[row]), current, guess)
             if hit is not None and _agree(self.seen_from(expected, seen_from, hit), hit):
                 hits.append(hit)
                 if len(hits) == _N_FUSED:
@@ -89,13 +96,13 @@ class MapMatcher:
         hits = [self._hit(k, current, None) for k in alike.tolist()]
         return [hit for hit in hits if hit is not None]
 
-    def _hit(self, k: int, current: PreparedScan, guess: Pose | None) -> Hit | None:
+    def _hit(self, k: int, current: PreparedScan, prior: UncertainPose | None) -> Hit | None:
         """Return where a match with a keyframe puts a scan; None where it fails or is too likely to be wrong."""
         reference = self._keyframes.prepared(k)
-        result = current.matcher.match(reference.features, current.features, prior_of(None, guess))
+        result = current.matcher.match(reference.features, current.features, prior)
         if not result.ok or not is_confident(result, self._config):
             return None
-        if guess is None and result.degenerate_direction is not None:
+        if prior is None and result.degenerate_direction is not None:
             return None
         found = measured(result)
         found = UncertainPose(found.pose, found.cov + self._config.noise.floor)
