@@ -11,6 +11,7 @@ import curvescan as cs
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamMap
+from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import contour_length, is_same, likely_poses, thinned
 from curvescan.slam.localization.field import DistanceField, field_of
 from curvescan.slam.localization.prior import Prior
@@ -81,14 +82,12 @@ def _place(x: float, support: float, view: float | None = None) -> Place:
         ([(0.0, 2.0), (3.0, 1.4)], True),
     ],
 )
-def test_a_place_is_sure_where_no_other_comes_near(
-    stored: SlamMap, field: DistanceField, found: list[tuple[float, float]], is_sure: bool
-) -> None:
+def test_a_place_is_sure_where_no_other_comes_near(found: list[tuple[float, float]], is_sure: bool) -> None:
     views = _views(*[_place(x, support) for x, support in found])
     assert (views.winner is not None) is is_sure
 
 
-def test_several_views_together_need_more_than_one(stored: SlamMap, field: DistanceField) -> None:
+def test_several_views_together_need_more_than_one() -> None:
     assert _views(_place(0.0, 0.3, 0.3)).winner is not None
     assert _views(_place(0.0, 0.3, 0.15)).winner is None
     assert _views(_place(0.0, 1.1, 0.15)).winner is not None
@@ -107,7 +106,7 @@ def test_several_views_together_need_more_than_one(stored: SlamMap, field: Dista
     ],
 )
 def test_a_view_that_agrees_with_one_place_far_better_than_with_any_other_is_enough(
-    stored: SlamMap, field: DistanceField, fit: float, rival: float, contour: float, is_sure: bool
+    fit: float, rival: float, contour: float, is_sure: bool
 ) -> None:
     # what the views say does not tell a rival of 0.3 from one of 0.45
     said_of = [max(f - 0.6, -0.15) for f in (fit, rival)]
@@ -128,7 +127,9 @@ def test_what_the_views_decide_alone_stands_where_it_was_likely_before(
     views = _views(_place(0.0, 0.39), _place(0.7, 0.28))
     assert views.winner is not None
     prior = Prior.of((begins_at, 0.0, 0.0), np.diag([0.5, 0.5, 0.07]))
-    likely = MapSearch(field, stored.poses, 5).known(prior, np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]]))
+    likely = MapSearch(field, stored.poses, Keyframes("curvescan", None, 1), 5).known(
+        prior, np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]])
+    )
     found = [replace(place, prior=float(k)) for place, k in zip(views.found, likely, strict=True)]
     assert (likely[0] > 0.0) == is_sure
     assert (replace(views, found=found).winner is not None) is is_sure
@@ -136,7 +137,7 @@ def test_what_the_views_decide_alone_stands_where_it_was_likely_before(
 
 @pytest.mark.parametrize(("rival_view", "is_sure"), [(-0.15, False), (-0.4, True)])
 def test_what_was_known_before_does_not_choose_between_places_that_the_view_is_against(
-    stored: SlamMap, field: DistanceField, rival_view: float, is_sure: bool
+    rival_view: float, is_sure: bool
 ) -> None:
     # a corridor without a mark: the odometry has the sensor at 0, and perhaps 1.2 m on; no place stands out by itself
     here, there = _place(0.0, -0.15), _place(1.2, rival_view)
@@ -144,25 +145,18 @@ def test_what_was_known_before_does_not_choose_between_places_that_the_view_is_a
     assert (views.winner is not None) is is_sure
 
 
-def test_a_place_does_not_stand_out_where_matches_say_another(stored: SlamMap, field: DistanceField) -> None:
-    near, other = _place(0.0, 0.25), _matched(3.0, 0.4, -0.15)
-    assert _views(near, other, contour=12.0).winner is None
-    assert _views(near, _place(3.0, -0.15), contour=12.0).winner is near
-
-
 @pytest.mark.parametrize(
     ("support", "view", "prior", "is_sure"),
     [
         (1.3, 0.15, 0.0, True),
-        (1.3, 0.15, -1.0, False),  # several views, where the sensor hardly can be
-        (2.1, 0.15, -1.0, True),  # until they outweigh what is known of it
+        (1.3, 0.15, -0.01, True),  # several views, where the sensor may as well be
+        (3.6, 0.15, -0.1, False),  # many views along a corridor that repeats, and a track that nothing broke
+        (0.4, 0.4, -0.1, True),  # one view that is clear
         (0.0, 0.0, 0.4, True),  # next to nothing, where it was expected
         (-0.15, -0.15, 0.4, False),
     ],
 )
-def test_a_prior_adds_to_what_the_views_say(
-    stored: SlamMap, field: DistanceField, support: float, view: float, prior: float, is_sure: bool
-) -> None:
+def test_a_prior_adds_to_what_the_views_say(support: float, view: float, prior: float, is_sure: bool) -> None:
     place = replace(_place(0.0, support, view), prior=prior)
     assert (_views(place).winner is not None) is is_sure
     # of two places that look alike it chooses one
@@ -170,54 +164,25 @@ def test_a_prior_adds_to_what_the_views_say(
     assert (_views(alike, place).winner is place) is is_sure
 
 
-def test_one_view_does_not_overrule_those_before(stored: SlamMap, field: DistanceField) -> None:
+def test_one_view_does_not_overrule_those_before() -> None:
     assert _views(_place(0.0, -0.3, 0.3)).winner is None
-
-
-def _matched(x: float, matched: float, view: float) -> Place:
-    """Return a place that the views speak for by `view`, and matches besides."""
-    at = np.array([x, 0.0, 0.0])
-    return Place(pose=at, fit=0.6 + view, view=view, support=view + matched, matched=matched)
-
-
-@pytest.mark.parametrize(
-    ("found", "is_sure"),
-    [
-        # furniture was moved: the views speak against the place, matches for it and for no other
-        ([_matched(0.0, 1.2, -0.15)], True),
-        ([_matched(0.0, 0.6, -0.05)], False),  # too few
-        ([_matched(0.0, 1.2, -0.9)], False),  # too much against it
-        ([_matched(0.0, 1.2, -0.15), _matched(3.0, 0.5, -0.15)], False),
-        # one view, and a match that says the same
-        ([_matched(0.0, 0.9, 0.22)], True),
-        ([_matched(0.0, 0.2, 0.22)], False),
-        ([_matched(0.0, 0.9, 0.22), _matched(3.0, 0.4, -0.15)], False),
-        # another place that its walls explain as well is no changed one, whatever matches say
-        ([_matched(0.0, 1.2, 0.4), _matched(3.0, 0.0, 0.4)], False),
-        ([_matched(0.0, 1.2, 0.4), _matched(3.0, 0.0, 0.1)], True),
-    ],
-)
-def test_matches_decide_where_the_map_has_changed_and_not_between_two_like_places(
-    stored: SlamMap, field: DistanceField, found: list[Place], is_sure: bool
-) -> None:
-    assert (_views(*found).winner is not None) is is_sure
 
 
 @pytest.mark.slow
 def test_support_is_carried_on_by_the_motion(stored: SlamMap, field: DistanceField) -> None:
     poses = lap()[[10, 20, 30]]
-    search = MapSearch(field, stored.poses, 5)
+    search = MapSearch(field, stored.poses, Keyframes("curvescan", None, 1), 5)
     supports: list[float] = []
     views = None
     for k, scan in enumerate(scans(poses, seed=2)):
         moved = UncertainPose(se2.between(poses[k - 1], poses[k]), np.zeros((3, 3)))
-        views = search.look(_points(scan), before=(views, moved) if views else None)
+        views = search.look(scan, before=(views, moved) if views else None)
         best = views.found[0]
         assert is_same(best.pose, se2.between(lap()[0], poses[k]))
         supports.append(best.support)
     assert supports[0] < supports[1] < supports[2]
     # without the motion between them views do not add up
-    first = search.look(_points(scans(poses[:1], seed=2)[0])).found[0]
+    first = search.look(scans(poses[:1], seed=2)[0]).found[0]
     assert first.support == first.view
 
 

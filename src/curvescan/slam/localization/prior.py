@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, require
 from curvescan.se2.uncertain import UncertainPose, compose
+from curvescan.slam.config import GATE
 from curvescan.types import Bools, Cov, Floats, Points, Pose
 
-INITIAL_COVARIANCE: Cov = np.diag(np.square([0.5, 0.5, math.pi / 12.0]))
+INITIAL_COVARIANCE: Cov = np.diag(np.square([0.5, 0.5, math.radians(15)]))
 """Of an initial pose that comes without one, as AMCL's: 0.5 m and 15 deg."""
 
 LOG_ODDS = 20.0
@@ -29,9 +30,6 @@ match measured its motion."""
 
 _MOST = 3.0
 """The most that views on the way say of a track, in units of agreement: motions that seem sure may err too."""
-
-_NEAR = 9.0
-"""Squared Mahalanobis distance, 3 standard deviations, of places that are looked at whatever others say."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,6 +74,6 @@ class Prior:
         return np.asarray(np.logaddexp(here, self.astray))
 
     def is_near(self, places: Points) -> Bools:
-        """Return (n,) whether places (n, 2) are about where the sensor is."""
+        """Return (n,) whether places (n, 2) are about where the sensor is: they are looked at whatever others say."""
         off = places - self.here.pose[:2]
-        return np.asarray(np.einsum("ni,ij,nj->n", off, np.linalg.inv(self.here.cov[:2, :2]), off) < _NEAR)
+        return np.asarray(np.einsum("ni,ij,nj->n", off, np.linalg.inv(self.here.cov[:2, :2]), off) < GATE)
