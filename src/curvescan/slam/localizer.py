@@ -194,9 +194,10 @@ class Localizer:
         if hits:
             now, _ = fuse(self._matching.seen_from(expected, self._keyframe, hits[0]), fused(hits))
         fit = field.agreement(points, now.pose).score
+        view = said(contour_length(points), fit)
         prior = float(self._search.known(self._prior, now.pose[np.newaxis])[0])
-        if hits and fit > 0.0 and (alone is None or alone.is_best(now.pose, fit + prior)):
-            return self._take(step, StepOutcome.TRACKED, now, hits, said(contour_length(points), fit))
+        if hits and fit > 0.0 and (alone is None or alone.is_best(now.pose, view + prior)):
+            return self._take(step, StepOutcome.TRACKED, now, hits, view)
         self._n_missed += is_due or fit < 0.0 or self._is_torn
         elsewhere: list[Hit] = []
         if self._n_missed:
@@ -221,7 +222,8 @@ class Localizer:
         here = fused(hits)
         # unless the map does not agree with its own keyframes there
         worse = max(WORSE, matching.misfit(hits[0].keyframe))
-        is_worse = matching.field.agreement(points, here.pose).score < max(0.0, place.fit - worse)
+        fit, least = (matching.field.agreement(points, pose).score for pose in (here.pose, place.pose))
+        is_worse = fit < max(0.0, least - worse)
         return [] if is_worse or matching.is_open(here) or not is_same(place.pose, here.pose) else hits
 
     def _deskewed(self, scan: LaserScan, step: Step) -> LaserScan:

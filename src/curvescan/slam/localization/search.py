@@ -26,7 +26,7 @@ from curvescan.slam.localization.correlative import (
     thinned,
 )
 from curvescan.slam.localization.field import DistanceField, points_of
-from curvescan.slam.localization.matching import Hit
+from curvescan.slam.localization.matching import SCORE, Hit
 from curvescan.slam.localization.prior import LOG_ODDS, Prior
 from curvescan.types import Floats, Ints, Points, Pose
 
@@ -47,13 +47,11 @@ _MOST_AGAINST = 0.15
 _CONTOUR_M = 10.0
 """A view of a shorter contour says less, in proportion, metres: three sides of a booth fit in many places."""
 
-_ONE_VIEW, _SEVERAL_VIEWS = 0.3, 1.0
-"""Support that one view alone needs, 90 of 100 readings end on walls and none elsewhere in the map, and that several
-views need together."""
+_ONE_VIEW, _SEVERAL_VIEWS = 0.5, 2.0
+"""What one view needs, and all views together: what they say of a place, and how much less they say of any other."""
 
-_MARGIN, _MARGIN_SHARE = 0.1, 0.25
-"""The support of any other place is less by so much, and by so large a share: of views that say the same of two places
-more do not help."""
+_MARGIN = 0.1
+"""They say so much less, at least, of any other place."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,9 +59,8 @@ class Place:
     """A pose of the sensor that the scans so far speak for."""
 
     pose: Pose  # (3,): in the map
-    fit: float  # how well the map agrees with the last view there, in [-2, 1]
     view: float  # how much the last view speaks for it
-    support: float  # the sum over the views, with what matches without a guess say
+    support: float  # the sum over the views
     prior: float = 0.0  # what was known before says of it, where the sensor is now
 
 
@@ -85,37 +82,22 @@ class Views:
         best = self._decided(alone)
         return best if best is not None and self.found[alone.index(best)].prior > 0.0 else None
 
-    def is_best(self, pose: Pose, fit: float) -> bool:
-        """Return whether the map, and the prior, agree with a pose clearly better than with any other found."""
-        others = [place.fit + place.prior for place in self.found if not is_same(place.pose, pose)]
-        return fit >= max(others, default=-1.0) + _MARGIN
+    def is_best(self, pose: Pose, view: float) -> bool:
+        """Return whether a view, and the prior, speak clearly more for a pose than for any other place found."""
+        others = [place.view + place.prior for place in self.found if not is_same(place.pose, pose)]
+        return view >= max(others, default=-1.0) + _MARGIN
 
     def _decided(self, found: Sequence[Place]) -> Place | None:
         """Return the place that the last view chooses, or, where nothing is known before, all of them."""
-        if not found:
-            return None
-        best = max(found, key=lambda place: place.view + place.prior)
-        others = [place for place in found if not is_same(place.pose, best.pose)]
-        is_seen = _is_clear(best.view + best.prior, [place.view + place.prior for place in others], _ONE_VIEW)
-        # where the view is against all places that were expected, what was known before does not choose between them
-        is_vague = best.view < 0.0 and any(place.prior > 0.0 and place.view >= best.view for place in others)
-        # nor may the views before speak against it
-        if (is_seen or self._stands_out(best, others)) and best.support >= best.view - _MARGIN and not is_vague:
+        best = _chosen(found, [place.view + place.prior for place in found], _ONE_VIEW)
+        # nor may the views before speak against it; and where the view is against all places that were expected, what
+        # was known before does not choose between them
+        if best is not None and best.support >= best.view - _MARGIN and not (best.view < 0.0 and _is_vague(found, best)):
             return best
-        best = max(found, key=lambda place: place.support + place.prior)
-        others = [place for place in found if not is_same(place.pose, best.pose)]
-        is_gathered = _is_clear(best.support + best.prior, [p.support + p.prior for p in others], _SEVERAL_VIEWS)
+        best = _chosen(found, [place.support + place.prior for place in found], _SEVERAL_VIEWS)
         # a corridor repeats over many views: they do not outweigh where the sensor was and how it has moved since;
         # and where it leaves the map, views before it did speak for places that the last one is against
-        is_lost = best.prior > -0.5 * _MARGIN
-        return best if is_gathered and is_lost and best.view >= 0.0 else None
-
-    def _stands_out(self, best: Place, others: Sequence[Place]) -> bool:
-        """Return whether the last view agrees with a place well, and far better than with any other."""
-        fit = best.fit + best.prior
-        ahead = fit - max((place.fit + place.prior for place in others), default=-1.0)
-        is_ahead = ahead >= _MARGIN and fit + ahead >= 2.0 * _NEUTRAL
-        return self.contour >= _CONTOUR_M and fit >= _NEUTRAL and is_ahead
+        return best if best is not None and best.prior > -0.5 * _MARGIN and best.view >= 0.0 else None
 
 
 class MapSearch:
@@ -163,15 +145,14 @@ class MapSearch:
         for k, (pose, likely) in enumerate(zip(poses, self.known(prior, poses).tolist(), strict=True)):
             if any(is_same(pose, place.pose) for place in new):
                 continue
-            fit = self.field.agreement(points, pose).score
-            view = said(contour, fit)
+            # where the map has changed, or is bent, the walls say little, and matches with its keyframes tell
+            score = max((hit.score for hit in matched if is_same(hit.here.pose, pose)), default=0.0)
+            view = said(contour, self.field.agreement(points, pose).score + SCORE * score)
             # the sensor may have come into the map with the view before, where it was expected also with this one
             so_far = max(earlier[k].support if k < len(earlier) else missed, 0.0 if likely > 0.0 else -_MOST_AGAINST)
-            # where the map has changed the walls say little, and matches with its keyframes tell
-            scores = [0.5 * hit.score for hit in matched if is_same(hit.here.pose, pose)]
-            support = view + max(scores, default=0.0) + so_far
-            new.append(Place(pose=pose, fit=fit, view=view, support=support, prior=likely))
-        new.sort(key=lambda place: (-(place.support + place.prior), -place.fit))
+            support = max(view, -_MOST_AGAINST) + so_far
+            new.append(Place(pose=pose, view=view, support=support, prior=likely))
+        new.sort(key=lambda place: (-(place.support + place.prior), -place.view))
         return Views(found=new[: self._n_tried], contour=contour)
 
     def known(self, prior: Prior | None, poses: Pose) -> Floats:
@@ -193,10 +174,20 @@ class MapSearch:
 
 def said(contour: float, fit: float) -> float:
     """Return how much a scan speaks for a pose by its contour, metres, and by how well the map agrees there."""
-    return min(contour / _CONTOUR_M, 1.0) * max(fit - _NEUTRAL, -_MOST_AGAINST)
+    return min(contour / _CONTOUR_M, 1.0) * (fit - _NEUTRAL)
 
 
-def _is_clear(best: float, others: list[float], least: float) -> bool:
-    """Return whether a support is enough and clearly more than that of any other place."""
-    margin = max(_MARGIN, _MARGIN_SHARE * best)
-    return best >= least and best - max(others, default=-1.0) >= margin
+def _chosen(found: Sequence[Place], said_of: Sequence[float], needed: float) -> Place | None:
+    """Return the place of which most is said, where that and how much less is said of any other are enough."""
+    if not found:
+        return None
+    best = int(np.argmax(said_of))
+    others = [one for one, place in zip(said_of, found, strict=True) if not is_same(place.pose, found[best].pose)]
+    ahead = said_of[best] - max(others, default=-1.0)
+    is_clear = said_of[best] >= 0.0 and ahead >= _MARGIN and said_of[best] + ahead >= needed
+    return found[best] if is_clear else None
+
+
+def _is_vague(found: Sequence[Place], best: Place) -> bool:
+    """Return whether the view agrees as well with another place that was expected."""
+    return any(p.prior > 0.0 and p.view >= best.view and not is_same(p.pose, best.pose) for p in found)
