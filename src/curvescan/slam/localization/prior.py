@@ -1,7 +1,7 @@
 """What is known of the pose before the map is looked at: an initial pose, or the last one moved by the odometry.
 
-The pose is drawn from the prior, or with a small probability from the whole map: a wrong initial pose, a sensor that
-was carried away. A far place is thus less likely by a finite factor, which views outweigh in time.
+The pose is drawn from about the prior, or with a small probability from the whole map: a wrong initial pose, a sensor
+that was carried away. A far place is thus less likely by a finite factor, which views outweigh in time.
 """
 
 from __future__ import annotations
@@ -67,10 +67,12 @@ class Prior:
         off = poses - self.here.pose
         off[:, 2] = se2.wrap(off[:, 2])
         chi_square = np.einsum("ni,ij,nj->n", off, np.linalg.inv(self.here.cov), off)
-        # volume of the prior as a share of the map's: one wider than the map says next to nothing
-        volume = math.sqrt((2.0 * math.pi) ** 3 * float(np.linalg.det(self.here.cov)))
+        # slips have a heavy tail: Student's t of three degrees of freedom, as a pose has
+        volume = 0.25 * math.pi**2 * math.sqrt(27.0 * float(np.linalg.det(self.here.cov)))
+        # as a share of the map's: a prior wider than the map says next to nothing
         share = min(volume / (2.0 * math.pi * max(area, 1.0)), 1.0)
-        here = math.log(max(1.0 - math.exp(self.astray), 1e-9)) - math.log(share) - 0.5 * chi_square
+        near = -math.log(share) - 3.0 * np.log1p(chi_square / 3.0)
+        here = math.log(max(1.0 - math.exp(self.astray), 1e-9)) + near
         return np.asarray(np.logaddexp(here, self.astray))
 
     def is_near(self, places: Points) -> Bools:
