@@ -68,10 +68,11 @@ def _place(x: float, support: float, view: float | None = None, prior: float = 0
     [
         ([0.3], True),  # no other place at all
         ([-0.05], False),  # alone, and the view is against it
-        ([0.3, 0.25], False),  # another is nearly as good
+        ([0.35, 0.3], False),  # another is nearly as good
         ([0.3, 0.15], False),  # what it says and how far it is ahead are not enough
-        ([0.3, 0.05], True),
-        ([0.2, -0.2], True),  # the less another place agrees, the less needs to be said
+        ([0.33, 0.08], True),
+        ([0.2, -0.25], False),
+        ([0.2, -0.35], True),  # the less another place agrees, the less needs to be said
         ([0.42, 0.33], False),  # the margin
         ([0.42, 0.31], True),
     ],
@@ -86,8 +87,8 @@ def test_a_place_is_sure_where_what_is_said_and_how_far_it_is_ahead_are_enough(
 @pytest.mark.parametrize(
     ("best", "other", "is_sure"),
     [
-        (_place(0.0, 1.3, 0.15), _place(3.0, 0.5, 0.1), True),
-        (_place(0.0, 1.3, 0.15), _place(3.0, 0.7, 0.1), False),
+        (_place(0.0, 1.3, 0.15), _place(3.0, 0.8, 0.1), True),
+        (_place(0.0, 1.3, 0.15), _place(3.0, 1.0, 0.1), False),
         (_place(0.0, 2.5, 0.15), _place(3.0, 2.45, 0.1), False),  # views that say the same of both do not help
         (_place(0.0, 2.0, -0.02), _place(3.0, 0.3, -0.1), False),  # it has driven out of the map since
     ],
@@ -99,12 +100,12 @@ def test_several_views_together_need_more_than_one(best: Place, other: Place, is
 @pytest.mark.parametrize(
     ("support", "view", "prior", "is_sure"),
     [
-        (1.9, 0.15, 0.0, True),
-        (1.9, 0.15, -0.01, True),  # several views, where the sensor may as well be
+        (1.9, 0.1, 0.0, True),
+        (1.9, 0.1, -0.01, True),  # several views, where the sensor may as well be
         (3.6, 0.15, -0.1, False),  # many views along a corridor that repeats, and a track that nothing broke
         (0.5, 0.5, -0.1, True),  # one view that is clear
         (0.0, 0.0, 0.4, True),  # next to nothing, where it was expected
-        (-0.15, -0.15, 0.3, False),
+        (-0.15, -0.15, 0.2, False),
     ],
 )
 def test_a_prior_adds_to_what_the_views_say(support: float, view: float, prior: float, is_sure: bool) -> None:

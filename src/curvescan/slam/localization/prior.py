@@ -68,10 +68,10 @@ class Prior:
         off[:, 2] = se2.wrap(off[:, 2])
         chi_square = np.einsum("ni,ij,nj->n", off, np.linalg.inv(self.here.cov), off)
         # slips have a heavy tail: Student's t of three degrees of freedom, as a pose has
-        volume = 0.25 * math.pi**2 * math.sqrt(27.0 * float(np.linalg.det(self.here.cov)))
+        volume = math.pi**2 * math.sqrt(27 * float(np.linalg.det(self.here.cov))) / 4
         # as a share of the map's: a prior wider than the map says next to nothing
         share = min(volume / (2.0 * math.pi * max(area, 1.0)), 1.0)
-        near = -math.log(share) - 3.0 * np.log1p(chi_square / 3.0)
+        near = -math.log(share) - 3 * np.log1p(chi_square / 3)
         here = math.log(max(1.0 - math.exp(self.astray), 1e-9)) + near
         return np.asarray(np.logaddexp(here, self.astray))
 
