@@ -60,7 +60,8 @@ def test_nothing_is_likely_without_readings(field: DistanceField) -> None:
 
 
 def _place(x: float, support: float, view: float | None = None, prior: float = 0.0) -> Place:
-    return Place(pose=np.array([x, 0.0, 0.0]), view=support if view is None else view, support=support, prior=prior)
+    view = support if view is None else view
+    return Place(pose=np.array([x, 0.0, 0.0]), walls=view, view=view, support=support, prior=prior)
 
 
 @pytest.mark.parametrize(

@@ -58,8 +58,9 @@ class Place:
     """A pose of the sensor that the scans so far speak for."""
 
     pose: Pose  # (3,): in the map
-    view: float  # how much the last view speaks for it
-    support: float  # the sum over the views
+    walls: float  # how much the last view speaks for it by its walls
+    view: float  # and with what a match says
+    support: float  # the sum over the views, by walls
     prior: float = 0.0  # what was known before says of it, where the sensor is now
 
 
@@ -73,16 +74,21 @@ class Views:
     def winner(self) -> Place | None:
         """The place for which the last view, or all views together, speak clearly more than for any other."""
         best = _chosen(self.found, [place.view + place.prior for place in self.found], _ONE_VIEW)
-        if best is not None and best.support >= best.view - _MARGIN:  # nor may the views before speak against it
+        # nor may the views before speak against it; and matches do not decide between two places that look alike
+        if (
+            best is not None
+            and best.support >= best.walls - _MARGIN
+            and self.is_best(best.pose, best.walls + best.prior)
+        ):
             return best
         best = _chosen(self.found, [place.support + place.prior for place in self.found], _SEVERAL_VIEWS)
         # a corridor repeats over many views: they do not outweigh where the sensor was and how it has moved since;
         # and where it leaves the map, views before it did speak for places that the last one is against
-        return best if best is not None and best.prior > -0.5 * _MARGIN and best.view >= 0.0 else None
+        return best if best is not None and best.prior > -0.5 * _MARGIN and best.walls >= 0.0 else None
 
     def is_best(self, pose: Pose, view: float) -> bool:
         """Return whether a view, and the prior, speak clearly more for a pose than for any other place found."""
-        others = [place.view + place.prior for place in self.found if not is_same(place.pose, pose)]
+        others = [place.walls + place.prior for place in self.found if not is_same(place.pose, pose)]
         return view >= max(others, default=-1.0) + _MARGIN
 
 
@@ -133,12 +139,13 @@ class MapSearch:
                 continue
             # a match with a keyframe tells more than the walls of a map that is bent, or has changed
             score = max((hit.score for hit in matched if is_same(hit.here.pose, pose)), default=0.0)
-            view = said(contour, self.field.agreement(points, pose).score + SCORE * score)
+            fit = self.field.agreement(points, pose).score
+            walls, view = said(contour, fit), said(contour, fit + SCORE * score)
             # the sensor may have come into the map with the view before, where it was expected also with this one
             so_far = max(earlier[k].support if k < len(earlier) else missed, 0.0 if likely > 0.0 else -_MOST_AGAINST)
-            support = max(view, -_MOST_AGAINST) + so_far
-            new.append(Place(pose=pose, view=view, support=support, prior=likely))
-        new.sort(key=lambda place: (-(place.support + place.prior), -place.view))
+            support = max(walls, -_MOST_AGAINST) + so_far
+            new.append(Place(pose=pose, walls=walls, view=view, support=support, prior=likely))
+        new.sort(key=lambda place: (-(place.support + place.prior), -place.walls))
         return Views(found=new[: self._n_tried])
 
     def known(self, prior: Prior | None, poses: Pose) -> Floats:
