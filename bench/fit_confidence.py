@@ -208,7 +208,7 @@ class Table:
             self.is_rival.append(np.arange(N_RIVALS) < len(rivals))
             self.right.append(_right(assessed, rivals, true, near))
             self.flagged.append(is_degenerate)
-            self.confidence.append(support.confidence_with(assessed.ties))
+            self.confidence.append(support.probabilities(assessed.ties).accept)
             is_alone = set(support.repeated()) <= set(assessed.ties)
             self.is_repeated.append(not is_alone or weighed.may_be_turned)
 
@@ -253,10 +253,7 @@ class Data:
 
 
 def fit(data: Data, weights: Floats) -> Floats:
-    """Return the coefficients of most likelihood, of the best pose and of rivals, slightly drawn to 0.
-
-    What a guess is worth is bounded: the guesses here are better than those of a robot that slips.
-    """
+    """Return the coefficients of most likelihood, of the best pose and of rivals, slightly drawn to 0; the prior's is 1."""
     n_terms = data.terms.shape[1]
     is_so = np.eye(2 + data.is_rival.shape[1])[data.right + 1]
 
@@ -267,8 +264,8 @@ def fit(data: Data, weights: Floats) -> Floats:
         slope = np.concatenate((-off[:, 0] @ data.terms, np.einsum("nk,nkf->f", off[:, 2:], data.rival_terms)))
         return float(misfit + 1e-4 * np.sum(coefficients**2)), slope + 2e-4 * coefficients
 
-    bounds = [(0.0, 3.0) if name == "guessed" else (-20.0, 20.0) for name in model.COEFFICIENTS]
-    bounds += [(-20.0, 20.0)] * len(model.RIVAL_COEFFICIENTS)
+    names = (*model.COEFFICIENTS, *model.RIVAL_COEFFICIENTS)
+    bounds = [(1.0, 1.0) if name == "prior" else (-20.0, 20.0) for name in names]
     start = np.zeros(n_terms + len(model.RIVAL_COEFFICIENTS))
     return np.asarray(minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
 

@@ -146,7 +146,7 @@ def _map_and_localize(method: str, laps: Pose) -> None:
     often = SlamConfig(
         keyframes=KeyframesConfig(distance=0.1),
         places=PlacesConfig(n_keyframes=1, n_newest=4),
-        closures=ClosuresConfig(certain_m=1e-4),
+        closures=ClosuresConfig(log_odds=20.0),
     )
     slam = Slam(method, config=often)
     scans = [_scan(pose, _ROOM, k) for k, pose in enumerate(laps)]

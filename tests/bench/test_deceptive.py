@@ -12,7 +12,13 @@ from deceptive import DECEPTIONS, deceptive_pairs, is_right, score_deception
 DECEIVED = ("company",)
 
 # of 30 pairs of one seed, as measured; of others none. The shares of more pairs: docs/design-notes/confidence.md
-MOST_DECEIVED = {"turned away, office": 1, "turned away, doors": 3, "elevator": 1, "crowded corridor": 1, "walkers": 1}
+MOST_DECEIVED = {
+    "turned away, office": 2,
+    "turned away, doors": 3,
+    "small room": 1,
+    "elevator": 1,
+    "elevator, 180 deg": 1,
+}
 
 
 def test_a_pair_is_the_same_whatever_their_number():

@@ -68,6 +68,8 @@ def test_only_a_replay_has_a_pace_and_what_is_none_is_refused(log: cs.Log) -> No
     ):
         with pytest.raises(InvalidArgumentError, match="must be"):
             viewer.act("pace", wrong)
+    with pytest.raises(InvalidArgumentError, match="an earlier scan must have been tracked"):
+        viewer.act("earlier", {"to": 0})
     with pytest.raises(InvalidArgumentError, match="there is no map to save"):
         viewer.act("save", {})
     viewer.close()
@@ -132,8 +134,8 @@ def test_the_page_is_an_instrument(running, tmp_path, log: cs.Log) -> None:
         np.testing.assert_allclose(then, se2.between(log.truth.poses[0], log.truth.poses[29]), atol=0.05)
         picture = page.call("Page.captureScreenshot", format="png")["data"]
         (tmp_path / "back.png").write_bytes(base64.b64decode(picture))
-        page.run(to.format(3))  # the page may not have seen so early a one: then the earliest that it has
-        page.wait("state.scan.index <= 24 && state.frames.includes(state.scan)")
+        page.run(to.format(3))  # from before the page was opened
+        page.wait("state.isBack && state.scan.index === 3")
         # and on again from the newest
         page.run(to.format(45))
         page.wait("!state.isBack && state.scan.index === 44")

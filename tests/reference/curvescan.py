@@ -162,10 +162,9 @@ def static_segments(surfels, bounds, partner, others, pose, limit, least):
     return is_static
 
 
-def confidence_terms(evidence, motion, is_guessed):
+def confidence_terms(evidence, prior, wide_prior):
     """What the confidence weighs of a pose by (9,) its evidence, by name."""
     agreeing, excess, weakest, misfit, missed, seen_through, large = np.maximum(evidence[:7], 0.0)
-    beyond = min(max(motion - 1.0, 0.0), 3.0)
     few = max(1.0 - (excess + 0.1) / 2.0, 0.0)
     through = np.log10(seen_through + 0.1)
     return {
@@ -177,10 +176,9 @@ def confidence_terms(evidence, motion, is_guessed):
         "log10_missed": np.log10(missed + 0.05),
         "log10_seen_through": through,
         "log10_large": np.log10(large + 0.2),
-        "motion": beyond,
-        "guessed": float(is_guessed),
+        "prior": prior,
         "degenerate": 0.0,
         "few": few,
-        "few_motion": few * beyond,
+        "few_prior": few * wide_prior,
         "few_seen_through": few * (through + 1.0),
     }

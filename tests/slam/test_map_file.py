@@ -109,7 +109,9 @@ def test_an_array_that_is_not_known_is_left_aside(tmp_path: Path) -> None:
     assert len(load_map(path)) == 2
 
 
-def test_a_picture_is_no_map(tmp_path: Path) -> None:
+def test_a_picture_or_a_folder_is_no_map(tmp_path: Path) -> None:
+    with pytest.raises(LogFileError, match=r"is a folder: give the map\.csmap or map\.yaml in it"):
+        load_map(tmp_path)
     (tmp_path / "picture.png").write_bytes(b"\x89PNG\r\n")
     with pytest.raises(LogFormatError, match=r"picture\.png is not a map that curvescan saved: give the map\.csmap of"):
         load_map(tmp_path / "picture.png")

@@ -14,7 +14,7 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import PlacesConfig, SlamConfig
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.marginals import marginal_covariances
-from curvescan.slam.pose_graph.optimization import Edges, normal_equations, optimize
+from curvescan.slam.pose_graph.optimization import Edges, information_matrix, optimize
 from curvescan.slam.thinning import best_tie, carry_over, newer_beside
 from tests.slam.graphs import dead_reckoning, ladder, loop, measured_edges
 
@@ -86,7 +86,7 @@ def _graph(seed: int) -> tuple[PoseGraph, np.ndarray]:
 def _optimize(graph: PoseGraph) -> np.ndarray:
     edges = Edges.of(graph.ends, graph.measured, graph.edge_covariances)
     graph.poses[:] = optimize(graph.poses, edges, graph.weights, np.array([0]))
-    information, _ = normal_equations(graph.poses, edges, graph.weights, np.array([0]))
+    information = information_matrix(graph.poses, edges, graph.weights, np.array([0]))
     return marginal_covariances(information, np.array([0]))
 
 

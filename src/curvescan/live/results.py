@@ -51,10 +51,8 @@ class ResultsSink(MapSink):
     ) -> tuple[str, ...]:
         """Write the results once SLAM is finished and the sink closed; a laser's maps are drawn from the scans kept."""
         scans = _Passed(name, report.n_scans) if log is None else log.log
-        is_partial = report.error is not None or len(scans) > report.n_scans
-        record = replace(report.record, is_partial=is_partial)
-        is_drawn = log is None or isinstance(engine, Localizer)
-        maps = self._maps(engine, record.trajectory.poses) if is_drawn else None
+        record = replace(report.record, is_partial=report.error is not None or len(scans) > report.n_scans)
+        maps = self._maps(engine, record.trajectory.poses) if log is None or isinstance(engine, Localizer) else None
         run = Run(
             log=scans,
             scans=scans,
@@ -77,10 +75,8 @@ class ResultsSink(MapSink):
             cells = engine.map.occupancy().occupied_centres
             return RunMaps(standing=cells, moved=np.empty((0, 2)), grid=grid if grid.log_odds.size else None)
         kept = self._map.kept()
-        indices = np.array([index for index, _ in kept], dtype=np.int64)
-        scans = [scan for _, scan in kept]
-        stamps = np.array([scan.stamp for scan in scans])
-        steps = np.diff(stamps, prepend=-np.inf)
+        indices, scans = np.array([index for index, _ in kept], dtype=np.int64), [scan for _, scan in kept]
+        steps = np.diff([scan.stamp for scan in scans], prepend=-np.inf)
         is_joined = (steps > 0.0) & (steps < _LONGEST_STEP_S)
         return build_maps(scans, poses[indices], is_joined, occupancy=self._occupancy)
 

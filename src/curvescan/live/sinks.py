@@ -25,9 +25,6 @@ class BoundedQueue(Generic[T]):
         self.is_closed = False  # whether nothing more is taken in
         self.n_dropped = 0  # items that were dropped for want of room
 
-    def __len__(self) -> int:
-        return len(self._items)
-
     def put(self, item: T) -> bool:
         """Append an item and return True; False when the queue is closed."""
         with self._changed:

@@ -13,6 +13,7 @@ import math
 import threading
 import time
 from array import array
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -40,6 +41,7 @@ _HEARTBEAT = 5.0
 _MAX_CLOSURES = 1000  # loop closures that are drawn at most: the newest
 _N_TIMES = 120  # times of scans that a new browser is sent: as many as the page draws
 _N_POINTS = 1500  # readings of a scan that are sent at most
+_MAX_EARLIER = 4000  # scans of a replay that can be looked at again, the older the sparser
 
 
 class Viewer(MapSink):
@@ -50,7 +52,8 @@ class Viewer(MapSink):
         self._about = {"name": name, "mode": mode, "replay": replay is not None}
         self._replay = replay
         self._tracker: Tracker | None = None
-        self.actions = frozenset({"save"} if replay is None else {"save", "pace"})
+        self.actions = frozenset({"save"} if replay is None else {"save", "pace", "earlier"})
+        self._earlier: list[tuple[int, bytes]] = []  # number and event of scans as they were tracked
         self._wheels = array("d")  # x, y of each scan by the wheels, one after the other, metres
         self._wheels_from: Pose | None = None
         self._status = {"kind": "loading", "text": "loading"}
@@ -97,13 +100,18 @@ class Viewer(MapSink):
         return (picture.png, "image/png") if path == "/map.png" and picture is not None else None
 
     def act(self, name: str, arguments: Mapping[str, Any]) -> Content:
-        """Do what the page asks for: save the map, or change the pace of a replay."""
+        """Do what the page asks for: save the map, change the pace of a replay, or show an earlier scan of it."""
         if name == "save":
             return self._saved(), "application/zip"
         source = self._replay
-        if name != "pace" or source is None:
+        if name not in self.actions or source is None:
             raise InvalidArgumentError(f"the page may not ask for {name}")
         speed, is_paused, to = (arguments.get(key) for key in ("speed", "is_paused", "to"))
+        if to is not None:
+            require(type(to) is int and 0 <= to < 1 << 53, "to must be the number of a scan", to)
+        if name == "earlier":
+            require(to is not None and bool(earlier := self._earlier), "an earlier scan must have been tracked", to)
+            return earlier[max(bisect_right(earlier, to, key=lambda one: one[0]) - 1, 0)][1], "application/json"
         if speed is not None:
             require(isinstance(speed, int | float) and math.isfinite(speed), "speed must be a finite number", speed)
             source.speed = float(speed)
@@ -111,7 +119,6 @@ class Viewer(MapSink):
             require(isinstance(is_paused, bool), "is_paused must be true or false", is_paused)
             source.is_paused = is_paused
         if to is not None:
-            require(type(to) is int and 0 <= to < 1 << 53, "to must be the number of a scan", to)
             source.skip_to = to
         return json.dumps({"speed": source.speed, "is_paused": source.is_paused}).encode(), "application/json"
 
@@ -135,8 +142,8 @@ class Viewer(MapSink):
         The path and the map come first, then scans as they come, the newest when the browser is slower.
         """
         seen = _Seen()
-        now: dict[str, Any] = {"n_scans": 0}
-        if (replay := self._replay) is not None:
+        replay, now = self._replay, {}
+        if replay is not None:
             now = {"pace": {"speed": replay.speed, "is_paused": replay.is_paused}, "n_scans": replay.n_scans}
         yield "about", self._about | now
         while True:
@@ -181,6 +188,9 @@ class Viewer(MapSink):
 
     def _take(self, tracked: TrackedScan) -> None:
         event = self._scan_event_of(tracked)
+        if self._replay is not None:
+            self._earlier = self._earlier[:: 1 + (len(self._earlier) >= _MAX_EARLIER)]
+            self._earlier.append((tracked.index, json.dumps(event).encode()))
         with self._telling():
             self._map.add(tracked)
             self._add_wheels(tracked)
@@ -250,14 +260,11 @@ class Viewer(MapSink):
         steps = steps[steps > 0.0]
         return {
             "index": tracked.index,
-            "stamp": tracked.scan.stamp,
             "pose": [round(v, 5) for v in tracked.step.pose.tolist()] if is_known else None,
             "covariance": [c[0, 0], c[0, 1], c[1, 1], c[2, 2]] if is_known else None,
-            "outcome": tracked.step.outcome.name,
             "tone": tone,
             "word": word,
             "sentence": tracked.step.outcome.value,
-            "is_matched": tracked.step.is_matched or (tracked.index == 0 and is_known),
             "score": None if match is None or not match.ok else round(float(match.score), 3),
             "degenerate": degenerate,
             "ms": round(1e3 * tracked.seconds, 3),

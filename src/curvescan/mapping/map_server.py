@@ -95,7 +95,7 @@ def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
         is_free = share < float(values.get("free_thresh", "0.196"))
         config = OccupancyConfig(resolution=float(values["resolution"]))
     except OSError as error:
-        raise LogFileError(f"cannot read {path} or its picture: {error.strerror or error}") from error
+        raise LogFileError(f"map {path} cannot be read: {error.filename}: {error.strerror or error}") from error
     except KeyError as error:
         raise LogFormatError(f"{path} is no map of map_server that can be read: it has no {error.args[0]}") from error
     except ValueError as error:

@@ -85,9 +85,8 @@ def match(
         Name of the matcher; see ``MATCHERS``.
     prior : UncertainPose or None
         Pose of `current` in `reference` as it is known before the match, with its covariance: from wheels, from the
-        motion so far. "curvescan" prefers its pose among those that explain the scans as well, and follows it along a
-        direction that they leave open. It does not use the covariance yet. The baselines start at its pose; "cfsma"
-        uses none. None: standing still with standard deviations of 2 m, 2 m and 1.5 rad.
+        motion so far. "curvescan" weighs it with the scans, by its covariance. The baselines start at its pose; "cfsma"
+        uses none. None: standing still with standard deviations of 2 m, 2 m and 2 rad.
     guess : (3,) array_like or None
         Short for a prior: the expected pose in metres, metres, radians, with standard deviations of 0.3 m, 0.3 m and
         0.2 rad. Give a prior or a guess, not both.

@@ -13,7 +13,7 @@ from curvescan.types import Codes, Cov, Floats, Pose, UncertainPose
 
 GUESS_SIGMA = (0.3, 0.3, 0.2)  # standard deviations that a bare guess stands for: metres, metres, radians
 
-WIDE_SIGMA = (2.0, 2.0, 1.5)
+WIDE_SIGMA = (2.0, 2.0, 2.0)
 """Standard deviations about standing still that hold where nothing is known: metres, metres, radians."""
 
 WIDE_PRIOR = UncertainPose(np.zeros(3), np.diag(np.square(WIDE_SIGMA)))

@@ -12,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from curvescan.odometry.measurement import SURE, GatedMatch, gate
+from curvescan.matchers.result import WIDE_PRIOR, MatchResult
+from curvescan.odometry.measurement import GatedMatch, gate
 from curvescan.odometry.motion_model import LONGEST_STEP
 from curvescan.odometry.observation import Gap, Keyframe, Localization, Observation, Placement
 from curvescan.odometry.step import StepOutcome
@@ -27,7 +28,13 @@ _NEAR_M, _NEAR_RAD = 0.5, 0.5
 """Expected motion, metres and radians, from which on a view may change so much by itself."""
 
 _CERTAIN = 3.5
-"""Log odds (0.97) at which a gap is closed, and the most that one match gives: scans of one place err alike."""
+"""Log odds (0.97) at which one match closes a gap, and the most that one gives."""
+
+_LIKELY = 1.4
+"""Log odds (0.8) of all matches of a gap at which the sensor is still near at its end: scans of one place err alike."""
+
+_NOTHING = -2.0
+"""Log odds of a scan that has nothing to compare with what was in use."""
 
 LOST_COVARIANCE = np.diag([LONGEST_STEP**2, LONGEST_STEP**2, math.pi**2])
 """Covariance of a motion of which nothing is known: a kilometre, half a turn."""
@@ -50,18 +57,18 @@ def settle_gap(o: Observation, placement: Placement, *, is_counted: bool = True)
     gap = placement.gap
     if gap is None:
         return placement
-    found, keyframe = _best_match(o, placement, gap)
-    log_odds = gap.log_odds + (0.0 if found is None else _log_odds(found.result.confidence))
-    if found is not None and log_odds >= _CERTAIN:
+    found, said, keyframe = _best_match(o, placement, gap)
+    log_odds, n_scans = gap.log_odds + said, gap.n_scans + is_counted
+    is_last = n_scans > o.config.keyframes.max_gap
+    if found is not None and (said >= _CERTAIN or (is_last and log_odds >= _LIKELY)):
         joined = Localization(
             keyframe=keyframe, pose_keyframe_scan=found.pose_keyframe_scan, is_measured=found.is_fully_observed
         )
         placement = replace(placement, outcome=StepOutcome.RELOCALIZED, localization=joined, gap=None)
         return with_keyframe(o, replace(placement, match=found.result, reference=keyframe.index))
-    n_scans = gap.n_scans + is_counted
-    if n_scans <= o.config.keyframes.max_gap:
+    if not is_last:
         return replace(placement, gap=replace(gap, n_scans=n_scans, log_odds=log_odds))
-    if o.prediction.is_measured:  # wheels carried the track
+    if o.prediction.is_measured or log_odds >= _LIKELY:  # wheels or the motions since carried the track
         return replace(placement, gap=None)
     return with_keyframe(o, _lost(placement, gap))
 
@@ -77,7 +84,7 @@ def question_link(o: Observation, placement: Placement, last: Localization) -> P
         return None
     x, y, theta = o.expected.pose.tolist()
     is_near = math.hypot(x, y) < _NEAR_M and abs(theta) < _NEAR_RAD
-    is_doubtful = result.confidence < SURE or result.score < config.least_score
+    is_doubtful = _log_odds(result.confidence) < _CERTAIN or result.score < config.least_score
     if not (is_near and is_doubtful and result.score < _SHARE * o.state.score):
         return None
     gap = open_gap(o, last, _log_odds(result.confidence))
@@ -91,17 +98,34 @@ def with_keyframe(o: Observation, placement: Placement) -> Placement:
     return replace(placement, localization=Localization(keyframe=keyframe, pose_keyframe_scan=identity()))
 
 
-def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMatch | None, Keyframe]:
-    """Return the surest match with what was in use before a gap, within what a sensor moves unseen, and with what."""
-    best, keyframe = None, gap.before[0]
+def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMatch | None, float, Keyframe]:
+    """Return the surest match with what was in use before a gap, within what a sensor moves unseen, and with what.
+
+    Between them what the matches say: log odds that the sensor is still near.
+    """
+    best, said, keyframe = None, -_CERTAIN, gap.before[0]
     for one in gap.before:
         expected = placement.localization.relative_to(one)
         expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
-        result = o.matching.matcher.match(one.scan.features, placement.current.features, expected)
+        # the odds of a gap's matches are added: the expectation is the same in all, and must not count in each
+        known = UncertainPose(expected.pose, WIDE_PRIOR.cov)
+        result = o.matching.matcher.match(one.scan.features, placement.current.features, known)
         gated = gate(result, expected, o.config.motion)
         if gated.is_plausible and (best is None or result.confidence > best.result.confidence):
             best, keyframe = gated, one
-    return best, keyframe
+            said = _log_odds(result.confidence)
+        elif best is None and not result.ok:
+            said = max(said, _odds_of_failed(result))
+    return best, said, keyframe
+
+
+def _odds_of_failed(result: MatchResult) -> float:
+    """Return the log odds of the best pose of a match that failed, at most 0."""
+    if not result.candidates:
+        return _NOTHING
+    first, *others = (candidate.log_odds for candidate in result.candidates)
+    against = math.exp(-first) + sum(math.exp(other - first) for other in others)
+    return max(min(-math.log(against), 0.0), -_CERTAIN)
 
 
 def _lost(placement: Placement, gap: Gap) -> Placement:

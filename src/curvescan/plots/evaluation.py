@@ -30,8 +30,7 @@ def draw_relation_errors(path: Path, errors: RelationErrors) -> None:
                 (("translation error [m]", errors.translation), ("rotation error [deg]", np.degrees(errors.rotation)))
             ):
                 axes = figure.add_subplot(2, 2, 2 * row + column + 1)
-                title = f"{np.count_nonzero(chosen):,} {name} relations"
-                _scatter(axes, x[chosen], values[chosen], title)
+                _scatter(axes, x[chosen], values[chosen], f"{np.count_nonzero(chosen):,} {name} relations")
                 axes.set(xlabel=label, ylabel=what)
 
 

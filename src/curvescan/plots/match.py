@@ -1,6 +1,7 @@
 """The paper's figures of one match: segments (4), curvature functions (5), matched points (6 and 9)."""
 
 import json
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +105,7 @@ def draw_matched(path: Path, result: MatchResult, scans: tuple[LaserScan, LaserS
         as_place(left, "as measured, each scan in its own sensor frame")
         if after is None:
             right.axis("off")
-            right.text(0.5, 0.5, result.outcome.value, ha="center", va="center", wrap=True)
+            right.set_title(textwrap.fill(result.outcome.value, 40), y=0.5)
         else:
             draw_overlay(right, result, reference, after)
             as_place(right, f"after the match: {result.n_matched} readings matched")

@@ -86,7 +86,7 @@ def match(
     axes.plot([], [], ".", color=SECOND, label=f"second scan{matched}")
     title = f"{result.n_matched:,} readings matched" if result.ok else result.outcome.value
     as_place(axes)
-    axes.set_title("\n".join(textwrap.wrap(f"{result.method}: {title}", _TITLE)))
+    axes.set_title(textwrap.fill(f"{result.method}: {title}", _TITLE))
     axes.legend(loc="best", fontsize="small")
     return axes
 

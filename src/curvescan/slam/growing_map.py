@@ -31,30 +31,16 @@ _NOTHING_KNOWN: Cov = np.diag([_MOST_VARIANCE, _MOST_VARIANCE, 10.0])
 
 
 class GrowingMap:
-    """Keyframes and their graph.
-
-    Attributes
-    ----------
-    graph : PoseGraph
-        Poses and edges.
-    gone : list of Heir
-        Keyframes that went, in their order.
-    current : int
-        The newest keyframe.
-    since : UncertainPose
-        It, seen from the newest one of the belief.
-    fragments : list of int
-        Of each keyframe.
-    """
+    """Keyframes and their graph."""
 
     def __init__(self, keyframes: Keyframes, config: SlamConfig) -> None:
         self.config = config
         self.keyframes = keyframes
         self.graph = PoseGraph()
-        self.gone: list[Heir] = []
-        self.current = 0
-        self.since = identity()
-        self.fragments: list[int] = []
+        self.gone: list[Heir] = []  # keyframes that went, in their order
+        self.current = 0  # the newest keyframe
+        self.since = identity()  # it, seen from the newest one of the belief
+        self.fragments: list[int] = []  # of each keyframe
         self._open_way = 0.0  # since a match of keyframes measured all of the motion, metres
         self._belief: Belief | None = None
         self._motions: list[UncertainPose] = []  # each keyframe seen from the one before

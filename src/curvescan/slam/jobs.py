@@ -14,7 +14,7 @@ from curvescan.slam.loops.belief import UNKNOWN
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, anchors_of, components, is_whole
 from curvescan.slam.pose_graph.marginals import marginal_covariances
-from curvescan.slam.pose_graph.optimization import Edges, normal_equations, squared_distances
+from curvescan.slam.pose_graph.optimization import Edges, information_matrix, squared_distances
 from curvescan.slam.pose_graph.posterior import (
     design_effect,
     heading_drift,
@@ -110,7 +110,7 @@ def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
     anchors[labels[k]] = k
     used = np.flatnonzero(weights > 0.0)
     edges = Edges.of(ends, solved.measured, scaled).chosen(used)
-    information, _ = normal_equations(poses, edges, weights[used], anchors)
+    information = information_matrix(poses, edges, weights[used], anchors)
     found = marginal_covariances(information, anchors)
     found[labels != labels[k]] = UNKNOWN
     # what each of both scans adds to all of its edges; of what a match leaves open it says nothing

@@ -21,7 +21,8 @@ from curvescan.slam.loops.agreement import best_group, log_odds_of
 from curvescan.slam.loops.audit import N_NEAR, Contradiction, contradictions, groups_against
 from curvescan.slam.loops.closures import SIGMAS, Closure, ClosureOutcome, closure_of, is_certain, is_loop, is_near
 from curvescan.slam.loops.overlap import foretold_overlap
-from curvescan.types import Bools, Cov, Floats, Pose
+from curvescan.slam.loops.place_index import Signature
+from curvescan.types import Bools, Cov, Pose
 
 N_LINKED = 3
 """Preceding keyframes that a new one is matched with."""
@@ -53,20 +54,12 @@ class Candidate(NamedTuple):
 
 
 class LoopSearch:
-    """The search for loop closures in a map that grows.
-
-    Attributes
-    ----------
-    closures : list of Closure
-        Candidates that were matched, and what became of them, by the numbers of their keyframes.
-    is_urgent : bool
-        Whether a loop closed that the graph did not expect, and it is to be optimized at once.
-    """
+    """The search for loop closures in a map that grows."""
 
     def __init__(self, growing: GrowingMap, config: SlamConfig) -> None:
         self.config = config
-        self.closures: list[Closure] = []
-        self.is_urgent = False
+        self.closures: list[Closure] = []  # candidates that were matched, by the numbers of their keyframes
+        self.is_urgent = False  # whether a loop closed that the graph did not expect: to be optimized at once
         self._map = growing
         self._queue: deque[Candidate] = deque()
         self._tried: dict[int, set[int]] = {}  # by the number of each keyframe those of others
@@ -79,8 +72,8 @@ class LoopSearch:
             if growing.fragments[i] == growing.fragments[k]:
                 self._queue.append(Candidate(i, k, growing.along(i, k)))
         relative, covariances = growing.belief.seen_from_all(growing.graph.poses, growing.since)
-        similarity = keyframes.index.similarity(keyframes.signature(keyframes.prepared(k)))
-        for i in choose_candidates(relative, covariances, self.config, keyframes, similarity[:k]):
+        seen = keyframes.signature(keyframes.prepared(k))
+        for i in choose_candidates(relative, covariances, self.config, keyframes, seen):
             self._queue.append(Candidate(i, k, UncertainPose(relative[i], covariances[i])))
 
     def work(self, index: int) -> list[Closure]:
@@ -118,9 +111,12 @@ class LoopSearch:
         """Return groups of matches against the map, by row, and the odds of each less those of what it contradicts."""
         growing, chain, followed = self._map, self._map.chain(), self._edges(is_followed=True)
         row_of = {number: row for row, number in enumerate(growing.keyframes.numbers.tolist())}
-        by_row = (replace(c, i=row_of[c.i], j=row_of[c.j]) for c in self.closures if {c.i, c.j} <= row_of.keys())
-        tried = {(c.i, c.j): c for c in by_row if c.is_loop}  # the latest of each pair
+        latest = {(row_of.get(c.i, -1), row_of.get(c.j, -1)): c for c in self.closures}  # of each pair
+        pairs = np.array(list(latest)).reshape(-1, 2)
+        is_tried = is_loop(*pairs.T) & (pairs >= 0).all(axis=1)
+        tried = {(i, j): replace(latest[i, j], i=i, j=j) for i, j in pairs[is_tried].tolist()}
         known = [c for pair, c in tried.items() if pair in followed]
+        ends = np.array([(c.i, c.j) for c in known]).reshape(-1, 2)
         refused = [
             c
             for pair, c in tried.items()
@@ -128,7 +124,8 @@ class LoopSearch:
         ]
         found = []
         for group in groups_against(refused, growing.graph.poses, self.config):
-            near = [c for c in known if min(max(abs(c.i - one.i), abs(c.j - one.j)) for one in group) <= N_NEAR]
+            beside = np.abs(ends[:, np.newaxis] - [(one.i, one.j) for one in group]).max(axis=2).min(axis=1) <= N_NEAR
+            near = [known[k] for k in np.flatnonzero(beside).tolist()]
             found.append((group, log_odds_of(group, near, chain, self.config)))
         return found
 
@@ -219,11 +216,11 @@ class LoopSearch:
 
 
 def choose_candidates(
-    relative: Pose, covariances: Cov, config: SlamConfig, keyframes: Keyframes, similarity: Floats | None = None
+    relative: Pose, covariances: Cov, config: SlamConfig, keyframes: Keyframes, seen: Signature | None = None
 ) -> list[int]:
     """Return the keyframes to match with the newest one, the most promising first.
 
-    relative (n, 3); covariances (n, 3, 3); similarity (n,): without it those of a known relative pose alone.
+    relative (n, 3); covariances (n, 3, 3); seen: by the newest one; without it those of a known relative pose alone.
     """
     rules = config.closures
     variance = np.diagonal(covariances, axis1=1, axis2=2) + np.diagonal(config.noise.spread)
@@ -239,7 +236,9 @@ def choose_candidates(
     overlap = foretold_overlap(keyframes.profiles, sure, relative[sure], keyframes.profiles[newest])
     sure, overlap = sure[overlap >= rules.min_overlap], overlap[overlap >= rules.min_overlap]
     sure = sure[np.argsort(-overlap, kind="stable")][:_N_CERTAIN]
-    if similarity is None:
+    if seen is None:
         return [int(i) for i in sure]
-    vague = np.flatnonzero(is_near & ~is_certain & (similarity >= _MIN_SIMILARITY))
-    return [*sure.tolist(), *vague[np.argsort(-similarity[vague], kind="stable")][:_N_UNCERTAIN].tolist()]
+    vague = np.flatnonzero(is_near & ~is_certain)
+    similarity = keyframes.index.similarity(seen, vague)
+    order = np.argsort(-similarity, kind="stable")[: np.count_nonzero(similarity >= _MIN_SIMILARITY)]
+    return [*sure.tolist(), *vague[order[:_N_UNCERTAIN]].tolist()]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.arrays.npz_file import NpzFile
 from curvescan.io.files.lines import as_path
 from curvescan.io.files.output import output_file
@@ -66,29 +66,25 @@ def write_map_file(path: str | os.PathLike[str], slam_map: SlamMap) -> None:
         arrays["grid_log_odds"] = grid.log_odds
         arrays["grid_origin"] = grid.origin
         arrays["grid_config"] = np.array([float(getattr(grid.config, name)) for name in _GRID])
-    try:
-        with output_file(path) as new, new.open("wb") as file:
-            np.savez_compressed(file, **arrays)
-    except OutputError:
-        raise
-    except OSError as error:
-        raise OutputError(f"cannot write {os.fspath(path)!r}: {error.strerror or error}") from error
+    with output_file(path) as new, new.open("wb") as file:
+        np.savez_compressed(file, **arrays)
 
 
 def read_map_file(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Return what a map file holds, by the names of the fields of a SlamMap; see :func:`curvescan.load_map`."""
     path = as_path(path, "a map")
     if not path.is_file():
-        raise LogFileError(f"map {path} does not exist: check the path")
+        what = (
+            "is a folder: give the map.csmap or map.yaml in it" if path.is_dir() else "does not exist: check the path"
+        )
+        raise LogFileError(f"map {path} {what}")
     with path.open("rb") as opened:
-        if opened.read(2) != b"PK":  # of the zip archive that it is
-            raise LogFormatError(
-                f"{path} is not a map that curvescan saved: give the map.csmap of `curvescan slam`, "
-                "which keeps the scans of the map's keyframes; a picture or a map.pgm of cells has none to match with"
-            )
-    file = NpzFile(path)
-    if "csmap_version" not in file.headers:
-        raise LogFormatError(f"{path} is not a map that curvescan saved: it has no csmap_version")
+        file = NpzFile(path) if opened.read(2) == b"PK" else None  # of the zip archive that it is
+    if file is None or "csmap_version" not in file.headers:
+        raise LogFormatError(
+            f"{path} is not a map that curvescan saved: give the map.csmap of `curvescan slam`; to localize, and for "
+            "`curvescan map`, a map.yaml will do"
+        )
     version = int(file.read("csmap_version").ravel()[0])
     if not 1 <= version <= VERSION:
         raise LogFormatError(

@@ -147,7 +147,8 @@ def test_a_page_of_another_origin_cannot_mend(server, tmp_path):
 
 def test_the_command_says_what_is_missing(bent, tmp_path, capsys):
     assert run(["slam", "--out", str(tmp_path / "a")]) == 1
-    assert "give a LOG; or --map" in capsys.readouterr().err
+    assert run(["slam", "--map", str(bent), "--out", str(tmp_path / "a")]) == 1
+    assert capsys.readouterr().err.count("give a LOG; or --map, and what to mend in it: --drop, --add or --edits") == 2
     assert run(["slam", "--map", str(bent), "--drop", "1", "2", "--out", str(tmp_path / "b")]) == 1
     assert "no closure between keyframes 1 and 2" in capsys.readouterr().err
     assert not (tmp_path / "b").exists()

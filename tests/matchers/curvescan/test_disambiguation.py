@@ -7,14 +7,13 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose, degenerate_directions
-from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, weigh
-from curvescan.matchers.curvescan.assessment.evidence import AGREEING, EXCESS, N_EVIDENCE, SMALL, WEAKEST
+from curvescan.matchers.curvescan.assessment.confidence import weigh
+from curvescan.matchers.curvescan.assessment.evidence import SMALL
 from curvescan.matchers.curvescan.assessment.support import Support
 from curvescan.matchers.curvescan.candidates import (
     competing_hypotheses,
     direction_of_walls,
     direction_to_search,
-    prefer,
     search_degenerate_direction,
     top_candidates,
 )
@@ -23,47 +22,22 @@ from curvescan.matchers.curvescan.disambiguation import (
     along_weakest_direction,
     covariance_of_ties,
     move_to_guess,
-    nearest_of_ties,
     ties_of,
 )
+from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal.search import Candidates, Problem
+from curvescan.matchers.result import prior_of
 from deceptive import deceptive_pairs
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair
 
 CONFIG = CurvescanConfig()
-POSES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]])
 
 
 def test_rivals_are_poses_with_nearly_the_best_score():
     assert competing_hypotheses(np.array([0.8, 0.77, 0.7])) == [1]
     assert competing_hypotheses(np.array([0.8, 0.5, 0.1])) == []
-    assert competing_hypotheses(np.array([0.2, 0.17])) == [1]  # a few probes' difference is none
     assert competing_hypotheses(np.array([0.8])) == []
-
-
-def preferred(guess, scores):
-    ref, cur = pair()
-    evidence = np.zeros((3, N_EVIDENCE))
-    evidence[0, [AGREEING, EXCESS, WEAKEST]] = 8.0, 3.0, 3.0
-    weighed = WeighedPoses(
-        poses=POSES,
-        scores=scores,
-        evidence=evidence,
-        motions=np.hypot(POSES[:, 0], POSES[:, 1]),
-        is_guessed=np.zeros(3, dtype=bool),
-    )
-    return prefer(Problem(ref, cur, guess, CONFIG), weighed)
-
-
-def test_a_guess_decides_between_rivals_and_only_between_them():
-    scores = np.array([0.8, 0.79, 0.3])
-    assert preferred(np.array([0.9, 0.1, 0.0]), scores) == 1
-    assert preferred(np.array([0.1, 0.1, 0.0]), scores) == 0
-    assert preferred(np.array([0.0, 2.0, 0.0]), scores) is None  # near a pose that is no rival
-    assert preferred(np.array([0.5, 0.0, 0.0]), scores) is None  # between two
-    assert preferred(None, scores) is None
-    assert preferred(np.array([0.9, 0.1, 0.0]), np.array([0.8, 0.3, 0.3])) is None
 
 
 def test_finalists_are_refined_and_the_far_off_left_out():
@@ -99,12 +73,7 @@ def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
     assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
     poses = np.array([[0.6, 0.0, 0.0], [0.05, 0.0, 0.0], [0.6, 1.0, 0.0]])
-    scores = np.array([0.9, 0.895, 0.89])
     assert along_weakest_direction(poses, assessment, True, None, CONFIG) == [1]
-    args = (poses, scores, [1])
-    np.testing.assert_array_equal(nearest_of_ties(None, *args), poses[1])
-    np.testing.assert_array_equal(nearest_of_ties(np.array([0.7, 0, 0]), *args), poses[0])
-    np.testing.assert_array_equal(nearest_of_ties(None, poses, np.array([0.9, 0.8, 0.8]), [1]), poses[0])
 
 
 def test_a_fine_slide_stays_on_the_corridor():
@@ -188,11 +157,11 @@ def test_along_one_long_wall_other_places_are_looked_at_but_where_a_guess_says_w
     assert abs(walls[0]) == pytest.approx(1.0, abs=1e-3)
     assert walls[2] == 0.0
     known = assessment._replace(information=np.array([1e5, 2e5, 1e6]))  # as if people fixed it
-    weighed = weigh(Problem(ref, cur, None, CONFIG), pose, np.array([0.8]))
+    weighed = weigh(Problem(ref, cur, WIDE, CONFIG), pose, np.array([0.8]))
     weighed.evidence[0, SMALL] = 0.5  # people stand about
     assert weighed.is_one_way
     np.testing.assert_array_equal(direction_to_search(ref, known, weighed, CONFIG), walls)
-    guessed = weigh(Problem(ref, cur, pose[0], CONFIG), pose, np.array([0.8]))
+    guessed = weigh(Problem(ref, cur, Prior.of(prior_of(None, pose[0])), CONFIG), pose, np.array([0.8]))
     guessed.evidence[0, SMALL] = 0.5
     assert direction_to_search(ref, known, guessed, CONFIG) is None
     others = np.array([[0.4, 0.0, 0.0], [1.3, 0.0, 0.0], [0.4, 0.6, 0.0]])

@@ -253,7 +253,7 @@ def test_the_command_changes_a_plain_map(tmp_path, capsys):
         (["--crop", "90", "90", "91", "91"], "no cell lies within"),
         (["--resolution", "0"], "resolution must be a positive number of metres, got 0"),
         (["--resolution", "1e-6"], "choose larger cells"),
-        (["--merge", "none.yaml"], "cannot read"),
+        (["--merge", "none.yaml"], "cannot be read: none.yaml"),
     ],
 )
 def test_what_cannot_be_done_to_a_plain_map_is_told(tmp_path, capsys, flags, sentence):

@@ -291,6 +291,8 @@ def _track(
         if report.is_interrupted:
             text = f"stopped; finishing {engine!r} and writing what was asked for; Ctrl-C again ends at once"
             ERR.print(text, soft_wrap=True)
+            if viewer is not None:
+                viewer.set_status("ended", text)
         report = finish(report, tracker, sinks)
         if report.n_scans:
             verdict = judge(report.record, engine, prepared)
@@ -298,12 +300,10 @@ def _track(
         for sink in sinks:
             sink.close()
     if viewer is not None:
-        if report.error is not None:
-            viewer.set_status("error", str(report.error))
-        else:
-            what = "stopped" if report.is_interrupted else "ended"
-            result = "" if verdict is None else f" The result is {verdict.sentence}."
-            viewer.set_status("ended", f"{source.name} has {what} after {report.n_scans:,} scans.{result}")
+        what = "stopped" if report.is_interrupted else "ended"
+        result = "" if verdict is None else f" The result is {verdict.sentence}."
+        text = f"{source.name} has {what} after {report.n_scans:,} scans.{result}"
+        viewer.set_status("error" if report.error else "ended", str(report.error or text))
     for sink in sinks:
         if sink.error is not None:
             raise sink.error

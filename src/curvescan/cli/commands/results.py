@@ -196,7 +196,7 @@ def view(
     Parameters
     ----------
     results
-        Results folder of `curvescan odometry`, `slam` or `localize`, or a map file (.csmap).
+        Results folder of `curvescan odometry`, `slam`, `localize` or `map`, or a map file (.csmap).
     other
         A second run, shown beside the first.
     export

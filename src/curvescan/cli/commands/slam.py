@@ -89,12 +89,12 @@ Pairs: TypeAlias = Annotated[tuple[tuple[int, int], ...], tyro.conf.UseAppendAct
 
 @dataclass(frozen=True, kw_only=True)
 class EditFlags:
-    """Edits of the map that is continued."""
+    """Edits of the map that is continued; its keyframes are numbered as on the page of `curvescan view`."""
 
     drop: Pairs = ()
-    """Drop the closures between keyframes I and J of the map; may be repeated."""
+    """Drop the closures between keyframes I and J, numbered as on the page of `curvescan view`; may be repeated."""
     add: Pairs = ()
-    """Add a closure between keyframes I and J of the map, as the matcher finds it without a guess; may be repeated."""
+    """Add a closure between keyframes I and J, as the matcher finds it without a guess; may be repeated."""
     edits: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """File of edits to replay on the map, as `curvescan view` saves it; --drop and --add come after them."""
 
@@ -140,8 +140,8 @@ def _mended(path: Path | None, flags: EditFlags, out: Path | None) -> SlamMap:
     from curvescan.slam import load_map
     from curvescan.slam.editing.edits import Edit, added, edited, read_edits, save_map_folder
 
-    if path is None:
-        raise InvalidArgumentError("give a LOG; or --map, and with --drop, --add or --edits what to mend in it")
+    if path is None or flags == EditFlags():
+        raise InvalidArgumentError("give a LOG; or --map, and what to mend in it: --drop, --add or --edits")
     begin = load_map(path)
     edits = [*(read_edits(flags.edits) if flags.edits else ()), *(Edit(do="drop", i=i, j=j) for i, j in flags.drop)]
     edits += [added(begin, i, j) for i, j in flags.add]

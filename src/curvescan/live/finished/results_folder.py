@@ -45,13 +45,12 @@ class FinishedRun:
 
 
 def read_results(path: Path) -> FinishedRun:
-    """Return a results folder, or a map file, as the page shows it."""
-    if path.is_file():
-        return _of_map(path)
+    """Return a results folder, or a map file or the folder of one, as the page shows it."""
     if not (path / "trajectory.csv").is_file():
-        raise LogFileError(
-            f"{path} is no results folder: it has no trajectory.csv, as curvescan odometry and slam write it"
-        )
+        alone = path if path.is_file() else path / "map.csmap"
+        if alone.is_file():
+            return _of_map(alone)
+        raise LogFileError(f"{path} is no results folder: it has neither trajectory.csv nor map.csmap")
     record = _record(path)
     rows, outcomes = csv_rows(path / "trajectory.csv")
     seen = read_view_file(path)

@@ -1,9 +1,8 @@
 "use strict";
 // The page of `live`. What the server sends: about, status, path, map, closures, times, scan.
 const state = { path: [], map: null, closures: [], wheels: [], scan: null, times: [], isOver: false, newest: -1, isPaused: false, n: 0,
-  // the newest scan, whether an earlier one is looked at, and what came, the older the sparser
-  now: null, isBack: false, frames: [] };
-const MOST_FRAMES = 4000;
+  // the newest scan, and whether an earlier one is looked at
+  now: null, isBack: false };
 let mayAct = false;
 
 function listen() {
@@ -12,8 +11,8 @@ function listen() {
   on("about", (a) => {
     $("name").textContent = a.name; $("mode").textContent = a.mode; document.title = `${a.name} – curvescan live`;
     document.body.classList.toggle("slam", a.mode === "SLAM");
-    state.path = []; state.closures = []; state.wheels = []; state.n = a.n_scans;
-    state.frames = []; state.isBack = false;
+    state.path = []; state.closures = []; state.wheels = []; state.n = a.n_scans || 0;
+    state.isBack = false;
     offer(a.replay);
     if (a.replay) showPace(a.pace);
   });
@@ -24,7 +23,7 @@ function listen() {
   on("closures", (c) => { state.closures = c.lines; });
   on("times", (t) => { state.times = t.ms; });
   on("scan", (s) => {
-    state.now = s; keep(s); state.times.push(s.ms);
+    state.now = s; state.times.push(s.ms);
     if (state.times.length > 120) state.times.shift();
     if (!state.isBack) { state.scan = s; showFigures(s); }
   });
@@ -61,16 +60,11 @@ function showFigures(s) {
   spark();
 }
 
-function keep(s) {
-  state.frames.push(s);
-  if (state.frames.length > MOST_FRAMES) state.frames = state.frames.filter((_, i) => i % 2 === 0);
-}
-
 // Scans to come are tracked as fast as they go; what was tracked is shown as it was then, and the replay waits.
 async function seek(to) {
   if (!state.now || to > state.now.index) { lookBack(null); return pace({ to }); }
   await pace({ is_paused: true });
-  lookBack(state.frames.findLast((frame) => frame.index <= to) || state.frames[0]);
+  lookBack(await (await post("earlier", { to })).json());
 }
 function lookBack(frame) {
   state.isBack = frame !== null;
@@ -128,7 +122,7 @@ stage.draw = () => {
   const s = state.scan, isPlaced = stage.target() !== null;
   drawMap(state.map); drawLinks(state.closures, colours.closure);
   drawPath(state.wheels, 2, colours.wheels, { width: 1.5, dash: [6, 4] });
-  drawPath(state.path, 2, colours.path, { last: stage.target() });
+  drawPath(state.path, 2, colours.path, { last: state.now && state.now.pose });
   if (isPlaced) { drawScan(s.pose, s.points, 1e-3); drawRobot(s.pose, s.covariance, true); }
 };
 readColours(); choose(true, false); listen();

@@ -7,66 +7,72 @@ the best score.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess_pose
-from curvescan.matchers.curvescan.assessment.confidence import GUESSED_REPETITION, WeighedPoses, weigh
+from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, weigh
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import SAME, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import N_WIDE, CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.sampling import choose_samples
-from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
-from curvescan.matchers.curvescan.pose_difference import distance
+from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, X, Y
+from curvescan.matchers.curvescan.proposal.rotation_hypotheses import dominant_axis
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, FINE, select
 from curvescan.matchers.curvescan.proposal.search import CONTESTED, Candidates, Problem
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine_fully
 from curvescan.types import Floats, Pose
 
-_MIN_SCORE = 0.02  # least score of a pose that is looked at any further
 _N_TOP = 5  # poses that are judged beside one another, at most
-_AS_GOOD, _AS_GOOD_MARGIN = 0.93, 0.04  # a pose with this share of the best score, or less below it, is as good
+_AS_GOOD = 0.93  # a pose with this share of the best score is as good
 _FINE_STEP = 0.05  # metres at the typical reading: steps in which the best place along a direction is looked for
 _MAX_TURN = 0.5  # radians: turns along it are tried up to this angle
 _FINISH = (*FINE, _N_TOP, 4096, SAME)
 
 
-class RefinedCandidates(NamedTuple):
-    """The candidates that come near the best, refined on all readings."""
+def refine_candidates(problem: Problem, found: Candidates) -> tuple[WeighedPoses, Assessment | None]:
+    """Return the candidates that come near the best, refined on all readings, and what the scans say of the first.
 
-    weighed: WeighedPoses  # poses of the current scan in the reference and what speaks for each, the most likely first
-    assessment: Assessment | None  # of the first; None where no pose finds enough support
-    is_guess_decisive: bool = False  # whether a guess decided between poses that explain the scans
-
-
-def refine_candidates(problem: Problem, found: Candidates) -> RefinedCandidates:
-    """Return the candidates refined on all readings, and the best of those along a weakly observable direction.
-
-    Of poses that explain the scans the one that a guess is clearly nearest to is kept alone.
+    Where that is known badly along a direction, or looks the same elsewhere, with what is found there; None where no
+    pose finds enough support.
     """
     ref, cur, _, config = problem
     poses, scores = top_candidates(ref, cur, found, config)
     weighed = weigh(problem, poses, scores)
-    if not len(poses) or scores[0] < _MIN_SCORE or weighed.is_hopeless:
-        return RefinedCandidates(weighed=weighed, assessment=None)
+    if not len(poses) or weighed.is_hopeless:
+        return weighed, None
     best = weighed.poses[0]
     assessment = assess_pose(ref, cur, best, config)
     along = direction_to_search(ref, assessment, weighed, config)
     if along is not None:
         poses, scores = search_degenerate_direction(ref, cur, weighed.poses, along, config)
         weighed = weigh(problem, poses, scores)
-        if not np.array_equal(best, weighed.poses[0]):
-            assessment = assess_pose(ref, cur, weighed.poses[0], config)
-    kept = prefer(problem, weighed)
-    if kept is None:
-        return RefinedCandidates(weighed=weighed, assessment=assessment)
-    weighed = weighed.rows([kept])
-    if kept > 0:
+    images = images_of(ref, assessment, weighed)
+    if len(images):
+        weighed = weigh(problem, *_finish(ref, cur, np.concatenate((weighed.poses, images)), config))
+    if not np.array_equal(best, weighed.poses[0]):
         assessment = assess_pose(ref, cur, weighed.poses[0], config)
-    return RefinedCandidates(weighed=weighed, assessment=assessment, is_guess_decisive=True)
+    return weighed, assessment
+
+
+def images_of(ref: CurvescanFeatures, assessment: Assessment, weighed: WeighedPoses) -> Floats:
+    """Return (k, 3) poses that look as the best one: turned in a bare room, one thing on in a row of equal ones."""
+    best = weighed.poses[0]
+    images = [2.0 * best - weighed.poses[k] for k in weighed.repeated_along()]
+    is_agreeing = assessment.codes_ref == INLIER
+    if weighed.is_bare and is_agreeing.any():
+        # about the middle of the rectangle that agrees
+        axis = dominant_axis(ref.image.samples)
+        to_room = np.array([[math.cos(axis), -math.sin(axis)], [math.sin(axis), math.cos(axis)]])
+        agreeing = ref.image.surfels[is_agreeing][:, [X, Y]] @ to_room
+        x, y = to_room @ (0.5 * (agreeing.min(axis=0) + agreeing.max(axis=0)))
+        dx, dy, theta = (best - [x, y, 0.0]).tolist()
+        quarter = 0.5 * math.pi
+        images += [np.array([x - dy, y + dx, theta + quarter]), np.array([x + dy, y - dx, theta - quarter])]
+        images += [np.array([x - dx, y - dy, theta + math.pi])]
+    return np.array(images).reshape(-1, 3)
 
 
 def direction_to_search(
@@ -99,10 +105,7 @@ def top_candidates(
     """Return the best pose and those that come near it, refined on all readings, best first, and their scores."""
     if not len(found.scores):
         return found.poses, found.scores
-    scores = found.scores.tolist()
-    rows = [k for k, score in enumerate(scores) if score > CONTESTED * scores[0]]
-    near = found.poses[: len(rows)] if rows == list(range(len(rows))) else found.poses[rows]
-    return _finish(ref, cur, near, config)
+    return _finish(ref, cur, found.poses[found.scores > CONTESTED * found.scores[0]], config)
 
 
 def search_degenerate_direction(
@@ -145,20 +148,4 @@ def finish(
 
 def competing_hypotheses(scores: Floats) -> list[int]:
     """Return the rows of the poses that are as good as the first."""
-    least = min(_AS_GOOD * scores[0], scores[0] - _AS_GOOD_MARGIN)
-    return [k for k in range(1, len(scores)) if scores[k] > least]
-
-
-def prefer(problem: Problem, weighed: WeighedPoses) -> int | None:
-    """Return the row of the one of several poses that explain the scans that a guess is clearly nearest to, or None."""
-    poses = weighed.poses
-    if problem.guess is None or len(poses) == 1:
-        return None
-    competing = competing_hypotheses(weighed.scores)
-    rows = [k for k in range(1, len(poses)) if k in competing or weighed.repetition(k) > GUESSED_REPETITION]
-    if not rows:
-        return None
-    rows = [0, *rows]
-    distances = [distance(poses[k], problem.guess) for k in rows]
-    first, second = np.argsort(distances, kind="stable")[:2].tolist()
-    return None if 2.0 * distances[first] > distances[second] else rows[first]
+    return [k for k in range(1, len(scores)) if scores[k] > _AS_GOOD * scores[0]]

@@ -88,14 +88,14 @@ class KeypointsConfig:
 class HypothesesConfig:
     """Hypotheses: which poses are tried."""
 
-    cell: float = 0.3
+    cell: float = NEAR
     """Poses in a cell of this width vote for each other, metres; half as many radians wide."""
     max_tried: int = 96
     """Most voted poses that are tried."""
     n_rotations: int = 4
     """Rotations taken from the directions of all surfaces."""
     along_step: float = 0.15
-    """Along corridors places this far apart are tried, metres."""
+    """Along corridors places this far apart are tried, metres; a pose no farther beside one, also in radians, is it."""
     along_reach: float = 1.8
     """How far along a corridor places are tried, metres each way."""
 
@@ -162,7 +162,7 @@ class RefinementConfig:
 class InformationConfig:
     """Covariance: when a direction counts as open, and how wide it then is."""
 
-    max_sigma: float = 0.1
+    max_sigma: float = SAME
     """A direction known no better than this is open, metres at the typical reading; so well is the best place known
     along one in which the agreement of the scans is flat."""
     degenerate_sigma: float = 1.0
@@ -171,12 +171,9 @@ class InformationConfig:
     """A direction of which less than this share of the next one's information is known is searched along, and tested
     whether the scans agree as well some way along it. Below twice this share other poses along it are no rivals: the
     covariance holds them, and the direction is named."""
-    along_tolerance: float = 0.15
-    """Two poses differ by a motion along a degenerate direction when nothing else of their difference exceeds
-    this, metres and radians."""
 
     def __post_init__(self) -> None:
-        for name in ("max_sigma", "degenerate_sigma", "degenerate_ratio", "along_tolerance"):
+        for name in ("max_sigma", "degenerate_sigma", "degenerate_ratio"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -15,11 +14,12 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     degenerate_directions,
     without_dynamic,
 )
-from curvescan.matchers.curvescan.assessment.bare_box import is_in_box
-from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
+from curvescan.matchers.curvescan.assessment.confidence import ANY, WeighedPoses
+from curvescan.matchers.curvescan.assessment.evidence import SMALL
 from curvescan.matchers.curvescan.assessment.information import covariance
 from curvescan.matchers.curvescan.assessment.support import Support, support_of
-from curvescan.matchers.curvescan.candidates import RefinedCandidates, competing_hypotheses, direction_of_walls
+from curvescan.matchers.curvescan.assessment.walls import extent
+from curvescan.matchers.curvescan.candidates import competing_hypotheses, direction_of_walls
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
@@ -40,14 +40,11 @@ _DIRECTION_SIGMA = 0.003  # standard deviation of a degenerate direction, radian
 # Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
 # bare corridor have less in common than they seem to where they are laid over each other.
 _SHARE = 0.7
-
-
+# Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn.
 _LEAST_SHIFT = 0.5
-"""Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn."""
-
 _MAX_CANDIDATES = 8
-
-_TIE = 0.97  # of poses along an open direction with this share of the best score the one nearest to the guess is taken
+_BOX = 2.3  # metres from corner to corner of what agrees: in less a robot turns round
+_STILL = -0.015  # log odds of the prior from which on it speaks for the pose there: 0.3 m, 15 degrees
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,22 +61,6 @@ class AssessedPose:
     # rows of the candidates that may be right as well and differ by a motion along the least informed direction
     ties: list[int]
     support: Support | None = None  # what speaks for the first and against it; None where too few readings agree
-    is_guess_decisive: bool = False  # whether a guess decided between poses that explain the scans
-
-    @property
-    def poses(self) -> Floats:
-        """(k, 3) the candidate and the others, the most likely first."""
-        return self.weighed.poses
-
-    @property
-    def scores(self) -> Floats:
-        """(k,) how well the scans agree at each, at most 1."""
-        return self.weighed.scores
-
-    @cached_property
-    def information(self) -> Cov:
-        """(3, 3) what the scans alone say of the first pose; zero where too few readings agree."""
-        return np.zeros((3, 3)) if self.assessment is None else self.assessment.information_matrix(self.is_degenerate)
 
 
 class Verdict(NamedTuple):
@@ -92,12 +73,12 @@ class Verdict(NamedTuple):
     covariance: Cov | None = None  # (3, 3) float64 or None: of the pose
     is_degenerate: bool = False  # whether the scans leave a direction open
     confidence: float = 0.0  # probability that the pose is right, within what its covariance says
+    is_guess_decisive: bool = False  # whether the scans alone leave several poses, and the prior decided
 
 
-def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
+def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | None) -> AssessedPose:
     """Return the best candidate refined without what moved, the directions left open there, and what supports it."""
     ref, cur, _, config = problem
-    weighed, assessment = refined.weighed, refined.assessment
     if assessment is not None and assessment.n_dynamic:
         poses, assessment = without_dynamic(ref, cur, weighed.poses, assessment, config)
         weighed = replace(weighed, poses=poses)
@@ -105,6 +86,11 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
         return AssessedPose(weighed=weighed, is_degenerate=np.ones(3, dtype=np.bool_), ties=[])
     poses = weighed.poses
     is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
+    if is_degenerate[0]:
+        # where the scans leave a direction open, the prior decides along it: it is not held against the pose
+        slid = problem.prior.nearest_along(poses[0], assessment.weakest, config.hypotheses.along_reach)
+        priors, wide_priors = problem.prior.log_odds(np.vstack((slid, poses[1:])))
+        weighed = replace(weighed, priors=priors, wide_priors=wide_priors)
     walls = direction_of_walls(ref, assessment) if weighed.is_one_way else None
     along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), walls, config)
     competing = competing_hypotheses(weighed.scores)
@@ -118,13 +104,7 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
         ties = [k for k in along if k in ties or weighed.is_as_likely(k)]
     is_degenerate[0] |= is_flat or len(ties) > 0
     return AssessedPose(
-        weighed=weighed,
-        assessment=assessment,
-        is_degenerate=is_degenerate,
-        is_flat=is_flat,
-        ties=ties,
-        support=support,
-        is_guess_decisive=refined.is_guess_decisive,
+        weighed=weighed, assessment=assessment, is_degenerate=is_degenerate, is_flat=is_flat, ties=ties, support=support
     )
 
 
@@ -146,7 +126,7 @@ def along_weakest_direction(
     return [
         k
         for k in range(1, len(poses))
-        if any(is_along(one, poses[0], poses[k], rules.along_tolerance) for one in directions)
+        if any(is_along(one, poses[0], poses[k], config.hypotheses.along_step) for one in directions)
     ]
 
 
@@ -155,7 +135,7 @@ def ties_of(support: Support, along: list[int], config: CurvescanConfig) -> list
     if not along:
         return []
     ties = [k for k in support.repeated() if k in along]
-    if support.confidence_with(ties) < config.scoring.min_confidence:
+    if support.probabilities(ties).accept < config.scoring.min_confidence:
         ties = [k for k in along if k in support.rivals]
     return ties
 
@@ -170,13 +150,12 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     least = config.scoring.min_confidence
     if assessment is None or support is None or is_degenerate.all():
         return Verdict(outcome=Outcome.UNSUPPORTED)
-    confidence = support.confidence_with(assessed.ties)
-    if not set(support.repeated()) <= set(assessed.ties):
-        return Verdict(outcome=Outcome.AMBIGUOUS)
-    if confidence < least:
-        is_any = support.is_related >= least
-        return Verdict(outcome=Outcome.AMBIGUOUS if is_any else Outcome.UNSUPPORTED)
-    if assessed.weighed.may_be_turned or is_in_box(ref, cur, assessed.weighed, assessment):
+    accept, _, unsupported = support.probabilities(assessed.ties)
+    is_alone = set(support.repeated()) <= set(assessed.ties)
+    if is_alone and accept < least and 1.0 - unsupported < least:
+        return Verdict(outcome=Outcome.UNSUPPORTED)
+    is_turned = assessed.weighed.may_be_turned or is_in_box(ref, cur, assessed.weighed, assessment)
+    if not is_alone or accept < least or is_turned:
         return Verdict(outcome=Outcome.AMBIGUOUS)
     pose, assessment, cov = place(problem, assessed, assessment)
     return Verdict(
@@ -185,20 +164,30 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
         assessment=assessment,
         covariance=cov,
         is_degenerate=bool(is_degenerate.any()),
-        confidence=confidence,
+        confidence=accept,
+        is_guess_decisive=problem.prior.is_told and support.is_by_prior,
     )
 
 
+def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPoses, assessment: Assessment) -> bool:
+    """Return whether the first pose may be turned by a quarter in a place as small as the cabin of an elevator.
+
+    Nothing but its walls agrees, no people hide the rest, and neither a prior nor standing still speaks for the pose.
+    Of half a circle two walls are in sight, which fit any corner; what the door shows may be another floor.
+    """
+    if not weighed.is_bare or weighed.evidence[0, SMALL] > ANY or weighed.is_told(0) or weighed.wide_priors[0] > _STILL:
+        return False
+    sizes = (extent(ref.image.surfels, assessment.codes_ref), extent(cur.image.surfels, assessment.codes_cur))
+    return max(sizes) < _BOX
+
+
 def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> tuple[Pose, Assessment, Cov]:
-    """Return the pose, moved along a degenerate direction to a guess or its ties; its support and its covariance."""
-    ref, cur, guess, config = problem
+    """Return the pose, moved along a direction that is open to where a prior has it; its support and its covariance."""
+    ref, cur, prior, config = problem
     ties, is_degenerate = assessed.ties, assessed.is_degenerate
     poses, pose = assessed.weighed.poses, assessed.weighed.poses[0]
-    if assessed.is_flat and ties:
-        pose = nearest_of_ties(guess, poses, assessed.weighed.scores, ties)
-        assessment = assess_pose(ref, cur, pose, config)
-    if assessed.is_flat and guess is not None:
-        pose, assessment = move_to_guess(ref, cur, guess, pose, assessment, config)
+    if assessed.is_flat and prior.is_told:
+        pose, assessment = move_to_guess(ref, cur, prior.pose, pose, assessment, config)
     cov = assessment.covariance(is_degenerate, config.information)
     if is_degenerate[0]:
         cov = cov + covariance_of_direction(assessment.weakest, config.information)
@@ -214,9 +203,12 @@ def competing_poses(problem: Problem, assessed: AssessedPose, verdict: Verdict) 
         return ()
     direction = (verdict.assessment or first).weakest
     sigma = sigma_along(problem, assessed, first, direction) if assessed.is_degenerate[0] else None
-    best = _candidate(problem, assessed.poses[0], support.log_odds, first, assessed.is_degenerate, sigma)
-    rows = sorted(support.rivals, key=lambda row: -support.rivals[row])[: _MAX_CANDIDATES - 1]
-    return (best, *(_rival(problem, assessed.poses[row], support.log_odds + support.rivals[row]) for row in rows))
+    poses = assessed.weighed.poses
+    candidates = [_candidate(problem, poses[0], support.log_odds, first, assessed.is_degenerate, sigma)]
+    for row in sorted(support.rivals, key=lambda row: -support.rivals[row])[: _MAX_CANDIDATES - 1]:
+        found = assess_pose(problem.reference, problem.current, poses[row], problem.config)
+        candidates.append(_candidate(problem, poses[row], support.log_odds + support.rivals[row], found, found.is_open))
+    return tuple(candidates)
 
 
 def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, direction: Pose) -> float | None:
@@ -229,22 +221,17 @@ def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, dir
         return None
     if not assessed.ties and not first.is_open[0]:
         return rules.max_sigma
-    if problem.guess is not None or math.hypot(*direction[:2]) <= _LEAST_SHIFT or first.information[0] < 0.0:
+    if problem.prior.is_told or math.hypot(*direction[:2]) <= _LEAST_SHIFT or first.information[0] < 0.0:
         return None
     # a bare corridor fits best where it is laid over itself, as if the sensor stood still
-    places, step = assessed.poses[[0, *assessed.ties], :2] @ direction[:2], problem.config.hypotheses.along_step
+    places, step = assessed.weighed.poses[[0, *assessed.ties], :2] @ direction[:2], problem.config.hypotheses.along_step
     if places.min() < step and places.max() > -step:
         return None
     return math.sqrt(rules.max_sigma**2 + float(np.mean((places - places[0]) ** 2)))
 
 
-def _rival(problem: Problem, pose: Pose, log_odds: float) -> Candidate:
-    found = assess_pose(problem.reference, problem.current, pose, problem.config)
-    return _candidate(problem, pose, log_odds, found, found.is_open, None)
-
-
 def _candidate(
-    problem: Problem, pose: Pose, log_odds: float, found: Assessment, is_open: Bools, sigma: float | None
+    problem: Problem, pose: Pose, log_odds: float, found: Assessment, is_open: Bools, sigma: float | None = None
 ) -> Candidate:
     """Return a candidate; sigma: of its best place along the weakest direction, metres, where there is one."""
     information = found.information_matrix(is_open)
@@ -262,20 +249,8 @@ def _candidate(
     )
 
 
-def nearest_of_ties(guess: Pose | None, poses: Floats, scores: Floats, rows: list[int]) -> Pose:
-    """Return of the first pose and those rows that tie with it the one nearest to the guess, or to standing still."""
-    around = np.zeros(3) if guess is None else guess
-    ties = [0, *(k for k in rows if scores[k] > _TIE * scores[0])]
-    nearest: Pose = poses[min(ties, key=lambda k: distance(poses[k], around))]
-    return nearest
-
-
 def covariance_of_direction(weakest: Pose, config: InformationConfig) -> Cov:
-    """Return the (3, 3) covariance across a degenerate direction that comes of not knowing the direction itself.
-
-    Walls are straight and parallel to a few milliradians: a pose a metre along lies beside the line by as many
-    millimetres.
-    """
+    """Return the (3, 3) covariance across a degenerate direction: walls are parallel to a few milliradians only."""
     dx, dy, _ = weakest.tolist()
     across = _DIRECTION_SIGMA * config.degenerate_sigma * np.array([-dy, dx, 0.0])
     cov: Cov = np.outer(across, across)

@@ -19,19 +19,17 @@ from curvescan.matchers.curvescan.candidates import refine_candidates
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, competing_poses, disambiguate
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
+from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, propose
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.types import Cov
 
 _NO_CODES = np.empty(0, dtype=np.uint8)
 _MIN_PROBES = 6
 _NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
 _NOT_ASSESSED = AssessedPose(
-    weighed=WeighedPoses(
-        _NOTHING.poses, _NOTHING.scores, np.empty((0, N_EVIDENCE)), np.empty(0), np.empty(0, dtype=np.bool_)
-    ),
+    weighed=WeighedPoses(_NOTHING.poses, _NOTHING.scores, np.empty((0, N_EVIDENCE)), np.empty(0), np.empty(0)),
     is_degenerate=np.ones(3, dtype=np.bool_),
     ties=[],
 )
@@ -69,12 +67,11 @@ class CurvescanMatcher:
         The pose of the prior is one more hypothesis. It is taken without a look at others when many readings agree
         there and fix both axes, and it decides between poses that explain the scans as well as each other.
         """
-        problem = Problem(reference, current, None if prior is None else prior.pose, self.config)
+        problem = Problem(reference, current, WIDE if prior is None else Prior.of(prior), self.config)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
             return report(problem, _NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
         candidates = propose(problem)
-        refined = refine_candidates(problem, candidates)
-        assessed = assess(problem, refined)
+        assessed = assess(problem, *refine_candidates(problem, candidates))
         verdict = disambiguate(problem, assessed)
         return report(problem, candidates, assessed, verdict)
 
@@ -84,6 +81,8 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
     ref, cur, assessment = problem.reference, problem.current, verdict.assessment
     codes = (assessment.codes_ref, assessment.codes_cur) if assessment else (_NO_CODES, _NO_CODES)
     labels = beam_labels(ref.n_beams, ref.beam_idx, codes[0], cur.n_beams, cur.beam_idx, codes[1])
+    best = None if assessed.support is None else assessment or assessed.assessment
+    information = np.zeros((3, 3)) if best is None else best.information_matrix(assessed.is_degenerate)
     scores: list[float] = assessed.weighed.scores.tolist()
     return MatchResult(
         method="curvescan",
@@ -99,16 +98,9 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
         runner_up=_score(scores[1:]),
         confidence=verdict.confidence,
         candidates=competing_poses(problem, assessed, verdict),
-        information=_information(verdict, assessed),
-        is_guess_decisive=assessed.is_guess_decisive and assessment is not None,
+        information=information,
+        is_guess_decisive=verdict.is_guess_decisive,
     )
-
-
-def _information(verdict: Verdict, assessed: AssessedPose) -> Cov:
-    """Return the (3, 3) information of the scans alone at the pose, or without one at the best candidate."""
-    if verdict.assessment is None or verdict.assessment is assessed.assessment:
-        return assessed.information if assessed.support else np.zeros((3, 3))
-    return verdict.assessment.information_matrix(assessed.is_degenerate)
 
 
 def _score(scores: list[float]) -> float:

@@ -89,7 +89,7 @@ def _applied(graph: Problem, edit: Edit) -> Problem:
         return _without(graph, is_closure & ((graph.ends >= min(i, j)) & (graph.ends <= max(i, j))).any(axis=1))
     gone = is_closure & (np.sort(graph.ends, axis=1) == sorted((i, j))).all(axis=1)
     if not gone.any():
-        raise InvalidArgumentError(f"there is no closure between keyframes {i} and {j}")
+        raise InvalidArgumentError(f"there is no closure between keyframes {i} and {j}: `curvescan view` shows all")
     return _without(graph, gone)
 
 
@@ -193,7 +193,7 @@ def read_edits(path: str | os.PathLike[str]) -> tuple[Edit, ...]:
     except OSError as error:
         raise LogFileError(f"cannot read {os.fspath(path)!r}: {error.strerror or error}") from error
     except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
-        raise LogFormatError(f"{os.fspath(path)!r} is no file of edits: {error}") from error
+        raise LogFormatError(f"{path} is no file of edits, such as `curvescan view` saves: {error}") from error
 
 
 @contextmanager

@@ -77,7 +77,8 @@ class MapPrecision:
         self._poses, n = slam_map.poses, len(slam_map.poses)
         self._edge = {(i, j): k for (i, j), k in zip(pairs.tolist(), best.tolist(), strict=True)}
         self._position, self._rotation = position, rotation  # of each edge
-        self._ways = csr_array((weights[best], (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+        # by 32 bits, as the searches of SciPy 1.12 have it
+        self._ways = csr_array((weights[best], tuple(pairs.astype(np.int32).T)), shape=(n, n))
         self._before = lru_cache(maxsize=1)(self._before_each)
 
     def between(self, i: int, j: int) -> Cov:

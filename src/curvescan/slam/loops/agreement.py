@@ -8,7 +8,6 @@ one that counted. One place may look like another for a stretch, so that the sum
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ from curvescan._jit import kernel
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.closures import Closure, log_odds
 from curvescan.slam.loops.cycles import Chain, cycle_distances
-from curvescan.types import Bools, Ints
+from curvescan.types import Bools, Floats, Ints, Pose
 
 _VIEW_M = 2.0
 """Views this far apart show different surfaces, metres."""
@@ -83,22 +82,21 @@ def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
     if not len(members):
         return 0.0
     chosen = [pool[k] for k in members.tolist()]
-    total = 0.0
-    counted: list[Closure] = []
-    for c in sorted(chosen, key=lambda one: -log_odds(one)):
-        new = min((max(_apart(chain, c.i, o.i), _apart(chain, c.j, o.j)) for o in counted), default=_VIEW_M)
-        share = min(new / _VIEW_M, 1.0)
-        if share > 0.0:
-            counted.append(c)
-            total += share * log_odds(c)
+    said = np.array([log_odds(c) for c in chosen])
+    apart = _apart(chain.poses[np.array([(c.i, c.j) for c in chosen])])
+    total, new = 0.0, np.full(len(chosen), _VIEW_M)  # metres from the nearest one that counted
+    for k in np.argsort(-said, kind="stable").tolist():
+        if new[k] > 0.0:
+            total += float(new[k] / _VIEW_M * said[k])
+            np.minimum(new, apart[k], out=new)
     expectation = float(np.mean([c.expectation for c in chosen]))
     return min(total, MOST_LOG_ODDS) + expectation
 
 
-def _apart(chain: Chain, a: int, b: int) -> float:
-    """Return how much two keyframes differ along the odometry, metres; a radian counts as a metre."""
-    x, y, turn = (chain.poses[a] - chain.poses[b]).tolist()
-    return math.hypot(x, y) + abs(float(se2.wrap(turn)))
+def _apart(ends: Pose) -> Floats:
+    """Return (n, n) how much (n, 2, 3) ends of closures differ along the odometry, metres; a radian counts as one."""
+    off = ends[:, np.newaxis] - ends
+    return np.asarray((np.hypot(off[..., 0], off[..., 1]) + np.abs(se2.wrap(off[..., 2]))).max(axis=-1))
 
 
 def largest_clique(agrees: Bools) -> Ints:

@@ -14,6 +14,10 @@ import numpy as np
 from curvescan import se2
 from curvescan.types import Cov, Floats, Ints, Pose
 
+_SHORT = 0.1
+"""Metres and radians: after a step no longer than this the information matrix is still the same, and its factorization
+is used again."""
+
 
 class Edges(NamedTuple):
     """The edges of a problem."""
@@ -39,31 +43,33 @@ def optimize(
     order = elimination_order(edges.ends, len(poses))
     rank = np.argsort(order)
     edges, anchors, poses = edges._replace(ends=rank[edges.ends]), rank[anchors], poses[order]
+    longest = np.inf
     for _ in range(max_iterations):
-        matrix, gradient = normal_equations(poses, edges, weights, anchors)
-        step = factorized(matrix, order="NATURAL").solve(-gradient).reshape(-1, 3)
+        if longest > _SHORT:
+            solver = factorized(information_matrix(poses, edges, weights, anchors), order="NATURAL")
+        step = solver.solve(-gradient(poses, edges, weights, anchors)).reshape(-1, 3)
         poses = poses + step
-        if not np.abs(step).max(initial=0.0) > tolerance:
+        longest = np.abs(step).max(initial=0.0)
+        if not longest > tolerance:
             break
     poses[:, 2] = se2.wrap(poses[:, 2])
     return poses[rank]
 
 
-def normal_equations(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> tuple[Any, Floats]:
-    """Return the information matrix at the poses in CSC, J^T W J, and the gradient J^T W e, (3n,).
+def information_matrix(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> Any:
+    """Return the information matrix at the poses, J^T W J, (3n, 3n) in CSC.
 
     Poses that are anchored stand for themselves: their rows and columns are those of the identity.
     """
     from scipy.sparse import bsr_array, diags_array  # load for a good part of a second
 
     n, m = len(poses), len(edges.ends)
-    seen, error = _errors(poses, edges)
+    seen, _ = _errors(poses, edges)
     is_held = np.zeros(n, dtype=np.bool_)
     is_held[anchors] = True
     jacobians = _jacobians(poses[edges.ends[:, 0], 2], seen)
     jacobians[is_held[edges.ends]] = 0.0
     weighted = weights[:, np.newaxis, np.newaxis] * edges.information
-    pull = np.einsum("mij,mj->mi", weighted, error)
     # two blocks a row: those of the poses that an edge joins
     where = edges.ends.ravel(), 2 * np.arange(m + 1)
     jac, half = (
@@ -71,8 +77,20 @@ def normal_equations(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) 
         for blocks in (jacobians, weighted[:, np.newaxis] @ jacobians)
     )
     held = diags_array(np.repeat(is_held.astype(np.float64), 3)).tocsc()
-    matrix = (half.T @ jac).tocsr().T + held  # a transposed CSR is a CSC
-    return matrix, jac.T @ pull.ravel()
+    return (half.T @ jac).tocsr().T + held  # a transposed CSR is a CSC
+
+
+def gradient(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> Floats:
+    """Return the gradient at the poses, J^T W e, (3n,); zero at the anchors."""
+    seen, error = _errors(poses, edges)
+    pull = weights[:, np.newaxis] * np.einsum("mij,mj->mi", edges.information, error)
+    at_ends = np.einsum("mkij,mi->mkj", _jacobians(poses[edges.ends[:, 0], 2], seen), pull).reshape(-1, 3)
+    ends = edges.ends.ravel()
+    found = np.empty((len(poses), 3))
+    for k in range(3):
+        found[:, k] = np.bincount(ends, at_ends[:, k], len(poses))
+    found[anchors] = 0.0
+    return found.ravel()
 
 
 def squared_distances(poses: Pose, edges: Edges) -> Floats:

@@ -75,4 +75,4 @@ def _optimum(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> Pose:
     used = np.flatnonzero(weights > 0.0)  # what does not count leaves the pattern
     # a session that hangs on closures alone may come loose
     anchors = anchors_of(components(edges.ends[used], len(poses)), anchors)
-    return optimize(poses, edges.chosen(used), weights[used], anchors, max_iterations=5, tolerance=1e-3)
+    return optimize(poses, edges.chosen(used), weights[used], anchors)

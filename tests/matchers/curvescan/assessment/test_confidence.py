@@ -10,6 +10,7 @@ import pytest
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.confidence import (
     COEFFICIENTS,
+    MAX_REPETITION,
     RIVAL_COEFFICIENTS,
     WeighedPoses,
     terms_of,
@@ -27,9 +28,11 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     SMALL,
     WEAKEST,
 )
-from curvescan.matchers.curvescan.assessment.support import MAX_REPETITION, support_of
+from curvescan.matchers.curvescan.assessment.support import support_of
 from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal.search import Problem
+from curvescan.matchers.result import prior_of
 from tests.matchers.curvescan.scenes import MOTION, pair
 from tests.reference import curvescan as slow
 
@@ -37,7 +40,7 @@ CONFIG = CurvescanConfig()
 GOOD = {AGREEING: 8.0, EXCESS: 2.0, WEAKEST: 2.0, MISFIT: 0.8}
 
 
-def poses(*evidences, motions=None, guessed=False):
+def poses(*evidences, priors=None):
     rows = np.zeros((len(evidences), N_EVIDENCE))
     for row, evidence in zip(rows, evidences, strict=True):
         for column, value in evidence.items():
@@ -47,21 +50,21 @@ def poses(*evidences, motions=None, guessed=False):
         poses=np.arange(3.0 * n).reshape(n, 3),
         scores=np.full(n, 0.5),
         evidence=rows,
-        motions=np.full(n, 0.3) if motions is None else np.array(motions),
-        is_guessed=np.full(n, guessed),
+        priors=np.zeros(n) if priors is None else np.array(priors),
+        wide_priors=np.zeros(n) if priors is None else np.minimum(priors, 0.0),
     )
 
 
 def test_what_is_weighed_is_that_of_the_slow_twin():
     rng = np.random.default_rng(5)
     evidence = rng.gamma(0.5, 2.0, (40, N_EVIDENCE)) - 0.02  # some a little below 0, by rounding say
-    motions, is_guessed = rng.gamma(1.0, 2.0, 40), rng.random(40) < 0.5
-    terms = terms_of(evidence, motions, is_guessed)
+    priors, wide = rng.uniform(-5.0, 3.0, 40), rng.uniform(-2.0, 0.0, 40)
+    terms = terms_of(evidence, priors, wide)
     for k in range(40):
-        expected = slow.confidence_terms(evidence[k], motions[k], is_guessed[k])
+        expected = slow.confidence_terms(evidence[k], priors[k], wide[k])
         assert list(expected) == list(COEFFICIENTS)
         np.testing.assert_allclose(terms[k], list(expected.values()), rtol=1e-12, atol=1e-12)
-    assert terms_of(evidence[:0], motions[:0], is_guessed[:0]).shape == (0, len(COEFFICIENTS))
+    assert terms_of(evidence[:0], priors[:0], wide[:0]).shape == (0, len(COEFFICIENTS))
 
 
 @pytest.mark.parametrize(
@@ -77,16 +80,17 @@ def test_what_is_weighed_is_that_of_the_slow_twin():
     ],
 )
 def test_each_evidence_moves_the_confidence_the_way_it_should(column, better, worse):
-    low, high = (support_of(poses({**GOOD, column: value}), [], False).confidence for value in (worse, better))
+    low, high = (
+        support_of(poses({**GOOD, column: value}), [], False).probabilities().accept for value in (worse, better)
+    )
     assert 0.0 < low < high < 1.0
 
 
-def test_a_far_motion_and_an_open_direction_speak_against_and_a_guess_for_a_pose():
+def test_an_open_direction_speaks_against_and_a_prior_for_a_pose():
     def confidence(is_degenerate=False, **kwargs):
-        return support_of(poses(GOOD, **kwargs), [], is_degenerate).confidence
+        return support_of(poses(GOOD, **kwargs), [], is_degenerate).probabilities().accept
 
-    assert confidence(motions=[3.0]) < confidence() < confidence(guessed=True)
-    assert confidence(motions=[0.0]) == confidence(motions=[0.9])  # a metre is nothing
+    assert confidence(priors=[-3.0]) < confidence() < confidence(priors=[2.0])
     assert confidence(is_degenerate=True) < confidence()
     assert set(poses(GOOD).terms(0)) == set(COEFFICIENTS)
     assert set(poses(GOOD, GOOD).rival_terms(1)) == set(RIVAL_COEFFICIENTS)
@@ -95,7 +99,7 @@ def test_a_far_motion_and_an_open_direction_speak_against_and_a_guess_for_a_pose
 def test_the_log_odds_are_those_of_the_model():
     """As docs/design-notes/confidence.md has it, here by hand."""
     evidence = {EXCESS: 0.9, AGREEING: 9.9, WEAKEST: 0.9, MISFIT: 0.9, MISSED: 0.05, SEEN_THROUGH: 0.9, LARGE: 0.8}
-    found = poses(evidence, motions=[2.5], guessed=True)
+    found = poses(evidence, priors=[-1.5])
     expected = {
         "constant": 1.0,
         "log10_excess": 0.0,
@@ -105,11 +109,10 @@ def test_the_log_odds_are_those_of_the_model():
         "log10_missed": -1.0,
         "log10_seen_through": 0.0,
         "log10_large": 0.0,
-        "motion": 1.5,  # what is more than 1
-        "guessed": 1.0,
+        "prior": -1.5,
         "degenerate": 0.0,
         "few": 0.5,  # of 2 m that are enough there are 0.9, and the 0.1 added to all
-        "few_motion": 0.75,
+        "few_prior": -0.75,
         "few_seen_through": 0.5,  # ten times the least
     }
     assert found.terms(0) == pytest.approx(expected, abs=1e-12)
@@ -117,13 +120,13 @@ def test_the_log_odds_are_those_of_the_model():
     total = sum(COEFFICIENTS[name] * value for name, value in expected.items())
     assert found.log_odds(0) == pytest.approx(total)
     assert found.log_odds(0, is_degenerate=True) == pytest.approx(total + COEFFICIENTS["degenerate"])
-    # a fifth of what a motion weighs is left where poses are sorted
-    motion = COEFFICIENTS["motion"] * 1.5 + COEFFICIENTS["few_motion"] * 0.75
-    assert found.rank(0) == pytest.approx(-(total - 0.8 * motion))
-    far = poses(evidence, motions=[9.0])
-    assert far.terms(0)["motion"] == 3.0  # as unlikely as 4
-    enough = poses({**evidence, EXCESS: 3.0}, motions=[9.0]).terms(0)
-    assert enough["few"] == enough["few_motion"] == enough["few_seen_through"] == 0.0
+    # three tenths of what the prior weighs are left where poses are compared
+    assert found.rank(0) == pytest.approx(total + 0.7 * (1.5 + 0.75 * COEFFICIENTS["few_prior"]))
+    told = poses(evidence, priors=[2.0]).terms(0)
+    assert told["prior"] == 2.0
+    assert told["few_prior"] == 0.0  # few walls are none the better for being expected
+    enough = poses({**evidence, EXCESS: 3.0}, priors=[-4.0]).terms(0)
+    assert enough["few"] == enough["few_prior"] == enough["few_seen_through"] == 0.0
     nothing = poses({}).terms(0)
     assert nothing["log10_missed"] == pytest.approx(np.log10(0.05))
     assert nothing["log10_large"] == pytest.approx(np.log10(0.2))
@@ -132,19 +135,22 @@ def test_the_log_odds_are_those_of_the_model():
 
 def test_a_rival_is_weighed_by_what_it_has_more_than_the_best():
     other = {**GOOD, MISFIT: 7.9, SEEN_THROUGH: 0.9, EXCESS: 0.75}
-    found = poses({**GOOD, MISFIT: 0.7}, other, motions=[3.0, 3.5])
+    found = poses({**GOOD, MISFIT: 0.7}, other, priors=[-1.0, -1.5])
     terms = found.rival_terms(1)
     assert terms["constant"] == 1.0
     assert terms["log10_misfit"] == pytest.approx(1.0)
     assert terms["log10_seen_through"] == pytest.approx(1.0)
-    assert terms["motion"] == pytest.approx(0.5)
+    assert terms["prior"] == pytest.approx(-0.5)
     odds, repetition = found.rival_log_odds(1)
     assert repetition == terms["repetition"] == found.repetition(1)
     total = sum(RIVAL_COEFFICIENTS[name] * value for name, value in terms.items())
-    assert odds == pytest.approx(total)
-    # nearer to the guess speaks for it, up to a metre
-    assert poses(GOOD, GOOD, motions=[3.5, 3.0]).rival_terms(1)["motion"] == pytest.approx(-0.5)
-    assert poses(GOOD, GOOD, motions=[3.9, 1.0]).rival_terms(1)["motion"] == -1.0
+    # no more than it is less likely in itself
+    assert odds == pytest.approx(min(total, found.log_odds(1) - found.log_odds(0)))
+    # to be expected more speaks for it as far as it explains what the best does
+    alike, other = poses(GOOD, GOOD, priors=[-2.0, 1.0]), poses(GOOD, {}, priors=[-2.0, 1.0])
+    assert alike.rival_terms(1)["prior"] == pytest.approx(3.0)
+    assert other.rival_terms(1)["prior"] == pytest.approx(3.0 * other.repetition(1))
+    assert other.repetition(1) < 0.5
 
 
 def test_a_repetition_is_the_mean_of_two_shares_less_what_contradicts():
@@ -159,16 +165,20 @@ def test_a_repetition_is_the_mean_of_two_shares_less_what_contradicts():
         # what contradicts the best as well says nothing
         both = poses({**best, column: 0.3}, {**other, column: 0.9})
         assert both.repetition(1) == pytest.approx(0.5 * share)
-    # a quarter less for each metre and radian beyond 2.2 farther than the best
-    for farther, left in ((2.2, 1.0), (4.2, 0.5), (6.2, 0.0)):
-        found = poses(best, other, motions=[0.3, 0.3 + farther])
-        assert found.repetition(1) == pytest.approx(left * share)
-    # on two walls alone half less, from 0.7 on
-    two = {**other, EXCESS: 0.25}
-    share = np.sqrt(0.3 * 0.25)
-    for farther, left in ((0.7, 1.0), (1.7, 0.5), (2.7, 0.0)):
-        found = poses(best, two, motions=[0.3, 0.3 + farther])
-        assert found.repetition(1) == pytest.approx(left * share)
+
+
+def test_a_rival_fades_where_the_prior_has_it_less_and_on_two_walls_faster():
+    many, two = {**GOOD, EXCESS: 2.0}, {**GOOD, EXCESS: 0.9}
+    for evidence, weight in ((many, 1.0), (two, 1.0 + 0.5 * COEFFICIENTS["few_prior"])):
+        found = poses(evidence, evidence, priors=[0.0, -2.0])
+        assert found.fading(1) == pytest.approx(np.exp(-0.3 * 2.0 * weight))
+        assert poses(evidence, evidence, priors=[-2.0, 0.0]).fading(1) == 1.0
+        support = support_of(found, [1], False)
+        assert support.repetitions[1] == pytest.approx(found.repetition(1) * found.fading(1))
+    far = support_of(poses(many, many, priors=[2.0, -4.0]), [1], False)
+    assert far.repeated() == []
+    assert far.is_by_prior
+    assert not support_of(poses(many, many), [1], False).is_by_prior
 
 
 def test_a_pose_that_explains_as_much_repeats_and_one_that_is_contradicted_does_not():
@@ -181,9 +191,10 @@ def test_a_pose_that_explains_as_much_repeats_and_one_that_is_contradicted_does_
     support = support_of(found, [1, 2, 3], False)
     assert support.repeated() == [1]
     alone = support_of(found, [], False)
-    assert support.confidence < alone.confidence
+    assert support.probabilities().accept < alone.probabilities().accept
     # rows that the covariance holds speak for the first
-    assert support.confidence < support.confidence_with([1]) < support.confidence_with([1, 2, 3])
+    first, one, all_held = (support.probabilities(held).accept for held in ((), (1,), (1, 2, 3)))
+    assert first < one < all_held
 
 
 def test_a_contradicted_pose_rules_out_none_that_explains_more():
@@ -199,19 +210,19 @@ def test_a_contradicted_pose_rules_out_none_that_explains_more():
 
 def test_a_bare_room_may_be_turned_where_the_motion_is_large_or_a_wall_contradicts():
     assert not poses({**GOOD, BEYOND: 0.0}).may_be_turned
-    assert poses({**GOOD, BEYOND: 0.0}, motions=[1.5]).may_be_turned
+    assert poses({**GOOD, BEYOND: 0.0}, priors=[-0.3]).may_be_turned
     assert poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.5}).may_be_turned
     assert poses({**GOOD, BEYOND: 0.0, MISSED: 0.5}).may_be_turned
-    assert not poses({**GOOD, BEYOND: 1.0, SEEN_THROUGH: 0.5}, motions=[1.5]).may_be_turned
-    # 1.45 m and rad, 5 % of what agrees, 0.2 m beyond four walls
-    assert not poses({**GOOD, BEYOND: 0.0}, motions=[1.44]).may_be_turned
-    assert poses({**GOOD, BEYOND: 0.19}, motions=[1.46]).may_be_turned
-    assert not poses({**GOOD, BEYOND: 0.21}, motions=[1.46]).may_be_turned
+    assert not poses({**GOOD, BEYOND: 1.0, SEEN_THROUGH: 0.5}, priors=[-0.3]).may_be_turned
+    # log odds of -0.25 by the prior, 5 % of what agrees, 0.2 m beyond four walls
+    assert not poses({**GOOD, BEYOND: 0.0}, priors=[-0.24]).may_be_turned
+    assert poses({**GOOD, BEYOND: 0.19}, priors=[-0.26]).may_be_turned
+    assert not poses({**GOOD, BEYOND: 0.21}, priors=[-0.26]).may_be_turned
     assert not poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.2, MISSED: 0.19}).may_be_turned
     assert poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.2, MISSED: 0.21}).may_be_turned
     assert poses({**GOOD, BEYOND: 0.0, EXCESS: 2.9, SEEN_THROUGH: 0.5}).may_be_turned
     # a guess decides
-    assert not poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.5}, guessed=True).may_be_turned
+    assert not poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.5}, priors=[2.1]).may_be_turned
     # a long third wall, and something that changed
     assert not poses({**GOOD, BEYOND: 0.0, EXCESS: 4.0, SEEN_THROUGH: 0.5}).may_be_turned
     assert not poses().may_be_turned
@@ -223,7 +234,7 @@ def test_a_pair_is_hopeless_where_no_pose_comes_near():
     assert poses(bad).log_odds(0) < -3.0 < poses(GOOD).log_odds(0)
     assert poses(bad, bad).is_hopeless
     assert not poses(bad, GOOD).is_hopeless  # whichever stands first
-    doubtful = {AGREEING: 6.0, MISFIT: 1.0, SEEN_THROUGH: 0.6}
+    doubtful = {AGREEING: 6.0, MISFIT: 1.0, SEEN_THROUGH: 0.4}
     assert -3.0 < poses(doubtful).log_odds(0) < 0.0
     assert not poses(doubtful).is_hopeless
 
@@ -233,7 +244,7 @@ def test_surfaces_run_one_way_where_an_eighth_of_them_runs_across():
     assert poses(corridor, room).is_one_way  # that of the first
     assert not poses({**corridor, SMALL: 0.1}).is_one_way  # nobody is there to agree by chance
     assert not poses(room, corridor).is_one_way
-    assert not poses(corridor, guessed=True).is_one_way  # a guess says where along it
+    assert not poses(corridor, priors=[2.1]).is_one_way  # a guess says where along it
 
 
 def test_a_pose_is_as_likely_within_six_tenths_of_the_log_odds():
@@ -244,37 +255,31 @@ def test_a_pose_is_as_likely_within_six_tenths_of_the_log_odds():
     assert not both.is_as_likely(2)
 
 
-def test_a_far_pose_counts_less_as_a_rival():
-    two_walls = {**GOOD, EXCESS: 0.1}
-    shares = [poses(two_walls, two_walls, motions=[0.3, far]).repetition(1) for far in (0.3, 2.0, 4.0)]
-    assert shares[0] == pytest.approx(1.0)
-    assert shares[0] > shares[1] > shares[2] == 0.0
-    furnished = poses(GOOD, GOOD, motions=[0.3, 2.0])
-    assert furnished.repetition(1) == pytest.approx(1.0)
-
-
 def test_a_room_with_pillars_is_explained_by_its_pose_alone():
     ref, cur = pair()
     turned = MOTION + np.array([0.0, 0.0, np.pi / 2])
-    found = weigh(Problem(ref, cur, None, CONFIG), np.array([turned, MOTION]), np.array([0.1, 0.9]))
+    found = weigh(Problem(ref, cur, WIDE, CONFIG), np.array([turned, MOTION]), np.array([0.1, 0.9]))
     np.testing.assert_array_equal(found.poses, [MOTION, turned])  # the likeliest first
     np.testing.assert_array_equal(found.scores, [0.9, 0.1])
     support = support_of(found, [1], False)
-    assert support.confidence > 0.97
+    assert support.probabilities().accept > 0.97
     assert not support.repeated()
     assert found.repetition(1) < 0.2
 
 
-def test_a_guess_is_where_motion_starts():
+def test_the_prior_weighs_by_its_covariance():
     ref, cur = pair()
-    far, near = (
-        weigh(Problem(ref, cur, guess, CONFIG), MOTION[np.newaxis], np.array([0.9]))
-        for guess in (MOTION + 1.0, MOTION + 0.05)
-    )
-    assert far.motions[0] > 2.0 > 0.3 > near.motions[0]
-    assert near.is_guessed[0]
-    assert not far.is_guessed[0]
-    assert near.log_odds(0) > far.log_odds(0)
+
+    def weighed(off, scale):
+        prior = Prior.of(prior_of(None, MOTION + off)._replace(covariance=scale * prior_of(None, MOTION).covariance))
+        return weigh(Problem(ref, cur, prior, CONFIG), MOTION[np.newaxis], np.array([0.9]))
+
+    near = [weighed(0.0, scale) for scale in (0.1, 1.0, 10.0)]
+    assert near[0].log_odds(0) > near[1].log_odds(0) > near[2].log_odds(0)
+    assert near[1].is_told(0)
+    far = [weighed(1.0, scale) for scale in (0.1, 1.0, 10.0)]
+    assert far[0].log_odds(0) <= far[1].log_odds(0) < far[2].log_odds(0)
+    assert not far[1].is_told(0)
 
 
 def test_a_result_tells_how_sure_it_is():

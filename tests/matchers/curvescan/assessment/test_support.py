@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from curvescan.matchers.curvescan.assessment.support import Support, regular_rows
+from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
+from curvescan.matchers.curvescan.assessment.evidence import N_EVIDENCE
+from curvescan.matchers.curvescan.assessment.support import Support
+from curvescan.matchers.curvescan.assessment.support import regular_rows as rows_of
+
+
+def regular_rows(poses, shares):
+    n = len(poses)
+    return rows_of(WeighedPoses(poses, np.zeros(n), np.zeros((n, N_EVIDENCE)), np.zeros(n), np.zeros(n)), shares)
 
 
 def test_two_poses_to_either_side_make_a_row_of_equal_things():
@@ -23,8 +31,10 @@ def test_two_poses_to_either_side_make_a_row_of_equal_things():
 
 def test_probabilities_sum_to_one():
     support = Support(log_odds=1.0, rivals={1: 0.0, 2: -1.0}, repetitions={1: 0.1, 2: 0.1})
-    best = support.confidence
-    nothing = best * np.exp(-1.0)
-    assert best + best * np.exp(0.0) + best * np.exp(-1.0) + nothing == pytest.approx(1.0)
-    assert support.is_related == pytest.approx(1.0 - nothing)
-    assert support.confidence_with([1, 2]) == pytest.approx(1.0 - nothing)
+    accept, ambiguous, unsupported = support.probabilities()
+    assert accept + ambiguous + unsupported == pytest.approx(1.0)
+    assert unsupported == pytest.approx(accept * np.exp(-1.0))
+    assert ambiguous == pytest.approx(accept * (np.exp(0.0) + np.exp(-1.0)))
+    held = support.probabilities([1, 2])
+    assert held.accept == pytest.approx(1.0 - unsupported)
+    assert held.ambiguous == pytest.approx(0.0)

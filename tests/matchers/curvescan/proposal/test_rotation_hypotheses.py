@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
+from curvescan.matchers.curvescan.features.features import direction_histogram
 from curvescan.matchers.curvescan.proposal.rotation_hypotheses import (
     aligned_translations,
     degenerate_hypotheses,

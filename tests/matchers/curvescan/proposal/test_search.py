@@ -6,12 +6,18 @@ import numpy as np
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import CurvescanConfig, HypothesesConfig, ScoringConfig
+from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal import search as search_rules
 from curvescan.matchers.curvescan.proposal.search import Problem, is_trusted, propose, refine_guess, search
+from curvescan.matchers.result import prior_of
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair
 
 CONFIG = CurvescanConfig()
+
+
+def prior_at(guess):
+    return Prior.of(prior_of(None, guess))
 
 
 def off(pose):
@@ -22,7 +28,7 @@ def off(pose):
 def test_the_best_candidate_is_near_the_truth():
     for seed in range(5):
         ref, cur = pair(seed)
-        found = search(ref, cur, None, CONFIG)
+        found = search(ref, cur, WIDE, CONFIG)
         assert off(found.poses[0]) < 0.01
         assert (np.diff(found.scores) <= 0).all()
         assert len(found.poses) == len(found.scores)
@@ -34,7 +40,7 @@ def test_walls_that_coincide_propose_what_nothing_else_does():
         hypotheses=HypothesesConfig(max_tried=1, n_rotations=1, along_reach=0.01),
         scoring=ScoringConfig(doubtful_score=1.0),
     )
-    found = search(ref, cur, None, blind)
+    found = search(ref, cur, WIDE, blind)
     assert found.n_tried > 5
     assert np.abs(found.poses[0] - [0.55, -0.45, 0.0]).max() < 0.02
 
@@ -47,21 +53,21 @@ def test_no_walls_are_aligned_where_the_best_pose_lies_where_the_guess_has_it(mo
     monkeypatch.setattr(search_rules, "_FEW_TRIED", 10_000)
     monkeypatch.setattr(search_rules, "_CERTAIN_SCORE", 1.0)
     right, wrong = np.add(motion, [0.03, 0.0, 0.01]), np.add(motion, [2.0, 0.0, 0.0])
-    few = search(ref, cur, right, doubting).n_tried
+    few = search(ref, cur, prior_at(right), doubting).n_tried
     assert few < 10
-    found = search(ref, cur, wrong, doubting)
+    found = search(ref, cur, prior_at(wrong), doubting)
     assert found.n_tried > few
     assert np.abs(found.poses[0] - motion).max() < 0.02
 
 
 def trusted(ref, cur, guess):
-    return is_trusted(ref, cur, guess, refine_guess(ref, cur, guess, CONFIG), CONFIG)
+    return is_trusted(ref, cur, prior_at(guess), refine_guess(ref, cur, guess, CONFIG), CONFIG)
 
 
 def test_a_guess_is_followed_only_where_it_is_right():
     ref, cur = pair()
     assert trusted(ref, cur, MOTION + 0.03)
-    followed = propose(Problem(ref, cur, MOTION + 0.03, CONFIG))
+    followed = propose(Problem(ref, cur, prior_at(MOTION + 0.03), CONFIG))
     assert followed.n_tried == 1
     assert off(followed.poses[0]) < 0.01
     assert not trusted(ref, cur, MOTION + np.array([0.8, 0.5, 1.0]))
@@ -74,8 +80,8 @@ def test_a_guess_in_a_corridor_is_not_trusted():
 
 def test_a_guess_that_is_not_trusted_is_one_more_candidate():
     ref, cur = pair()
-    guess = MOTION + np.array([0.0, 0.4, 0.0])
-    alone = search(ref, cur, guess, CONFIG)
-    found = propose(Problem(ref, cur, guess, CONFIG))
+    guess = MOTION + np.array([0.0, 0.6, 0.0])
+    alone = search(ref, cur, prior_at(guess), CONFIG)
+    found = propose(Problem(ref, cur, prior_at(guess), CONFIG))
     assert len(found.poses) >= len(alone.poses)
     assert off(found.poses[0]) < 0.01

@@ -65,7 +65,7 @@ class Bag:
         stored = storage_files(path) if path.is_dir() else (path,)
         kind = bag_kind(stored[0])
         if kind is None:
-            raise LogFormatError(f"{path} is no ROS bag")
+            raise LogFormatError(f"{path} is no ROS bag: only bags hold several lasers and their mounts")
         self.kind = kind
         self._files = [self._unpacked(file) for file in stored]
         self._n_given = {}

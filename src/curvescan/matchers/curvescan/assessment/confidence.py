@@ -29,19 +29,24 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     WEAKEST,
     gather_evidence,
 )
-from curvescan.matchers.curvescan.config import NEAR
-from curvescan.matchers.curvescan.features.objects import Surfaces
+from curvescan.matchers.curvescan.config import SAME
+from curvescan.matchers.curvescan.pose_difference import difference
+from curvescan.matchers.curvescan.prior import TOLD
 from curvescan.matchers.curvescan.proposal.search import Problem
-from curvescan.types import Bools, Floats
+from curvescan.types import Floats
 
 # Metres of surface that are more than chance: a room is bare where less agrees beyond its four walls; people, who hide
 # things and agree by chance, are about where small things of more contradict a pose.
 ANY = 0.2
-# Least share of what supports a pose that another explains for a guess to decide between the two.
-GUESSED_REPETITION = 0.3
+
+# Least share of what supports a pose that another explains at which the two cannot be distinguished.
+MAX_REPETITION = 0.45
+# Of poses in a row of equal things: least share of the first one's support that another explains, and least distance of
+# the things, metres.
+REGULAR, PITCH = 0.33, 0.5
 
 COEFFICIENTS = {
-    "constant": -1.15,
+    "constant": -1.3,
     "log10_excess": 1.96,
     "log10_agreeing": 0.54,
     "log10_weakest": 1.21,
@@ -49,28 +54,25 @@ COEFFICIENTS = {
     "log10_missed": -1.27,
     "log10_seen_through": -1.07,
     "log10_large": -1.37,
-    "motion": -1.57,
-    "guessed": 2.62,
+    "prior": 1.0,
     "degenerate": -1.59,
     "few": 1.48,
-    "few_motion": -1.28,
+    "few_prior": 3.0,
     "few_seen_through": -3.32,
 }
-"""Log odds of a pose against nothing in common, by the terms of `Support`; fitted by bench/fit_confidence.py."""
+"""Log odds of a pose against nothing in common, by its terms, fitted by bench/fit_confidence.py; the prior's is 1."""
 
 RIVAL_COEFFICIENTS = {
-    "constant": -2.06,
+    "constant": -1.2,
     "log10_misfit": -1.89,
     "log10_seen_through": -2.45,
-    "motion": -1.0,
+    "prior": 1.0,
     "repetition": 0.54,
 }
 """Log odds that another pose is right and not the best, by its terms less those of the best, and its repetition."""
 
-_FREE_MOTION, _MAX_MOTION = (1.0, 4.0)  # metres plus radians: less is as likely as none, more as unlikely as that
-_MOTION_OF_RANK = 0.2  # share of what a motion weighs where poses are sorted
+_PRIOR_OF_TWO = 0.3  # share of what the prior weighs where two poses of the same scans are compared
 _ENOUGH_EXCESS = 2.0  # metres of excess from which on a pose rests on more than two walls
-_MAX_NEARER = 1.0  # metres plus radians by which a rival nearer to the guess is favoured, at most
 _FLOOR = 0.1  # metres, and mean square: what is added before a logarithm is taken
 # Rows of a pose's terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice.
 _COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE)
@@ -78,25 +80,19 @@ _LEAST = (_FLOOR, _FLOOR, _FLOOR, _FLOOR, 0.5 * _FLOOR, _FLOOR, 2.0 * _FLOOR)
 _ROW = {name: k for k, name in enumerate(COEFFICIENTS)}
 _N_TERMS = len(COEFFICIENTS)
 _WEIGHTS, _RIVAL_WEIGHTS = tuple(COEFFICIENTS.values()), tuple(RIVAL_COEFFICIENTS.values())
-_MOTION, _SEEN_THROUGH = _ROW["motion"], _ROW["log10_seen_through"]
-_DEGENERATE, _FEW_MOTION = _ROW["degenerate"], _ROW["few_motion"]
-_CONSTANT, _GUESSED = _ROW["constant"], _ROW["guessed"]
+_CONSTANT, _PRIOR, _SEEN_THROUGH = _ROW["constant"], _ROW["prior"], _ROW["log10_seen_through"]
+_DEGENERATE, _FEW_PRIOR = _ROW["degenerate"], _ROW["few_prior"]
 _FEW, _FEW_SEEN_THROUGH = _ROW["few"], _ROW["few_seen_through"]
-_COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", "motion"))
-_STAND_STILL = np.zeros(3)
+_COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", "prior"))
 _EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
 _DOUBTFUL = 0.1  # of what agrees: a pose contradicted beyond that rules out none that explains more
-_BARE_MOTION = 1.45  # metres plus radians, 1 m and 26 degrees: in a bare room more may be half a turn
+_BARE_PRIOR = -0.25  # log odds of the prior below which a bare room may be turned by half: 1 m and 26 degrees
 _BARE_CONTRADICTED = 0.05  # of what agrees: more of a bare room is not contradicted at the right pose
 _BARE_EXCESS = 3.0  # metres beyond two walls: with more, what contradicts is a thing that changed
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
 _HOPELESS = -3.0  # log odds: of 5,500 matches none had a first pose with less than -1.3
 _AS_LIKELY = 0.6  # log odds by which a place along one long wall may be less likely than the best
 _ONE_WAY = 0.12  # of what agrees: less of it runs across the rest in a corridor
-_TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
-_NEARER = 0.7  # metres plus radians by which the best may be nearer to the guess before such a rival counts less
-_FADING_OF_TWO, _FADING = (0.5, 0.25)  # for each metre and radian: how fast the two kinds count less beyond that
-_MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees, its pose next to standing still
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +102,13 @@ class WeighedPoses:
     poses: Floats  # (k, 3): of the current scan in the reference
     scores: Floats  # (k,): how well the scans agree there, at most 1
     evidence: Floats  # (k, N_EVIDENCE): what the surfaces say; columns of evidence.py
-    motions: Floats  # (k,): how far each is from the guess, or from standing still: metres plus radians
-    is_guessed: Bools  # (k,): whether it lies where a guess has it
+    priors: Floats  # (k,): log odds of each by what was known before
+    wide_priors: Floats  # (k,): the same if that was wrong
 
     def rows(self, order: list[int]) -> WeighedPoses:
         """Return some of the poses, in another order."""
         poses, scores, evidence = self.poses[order], self.scores[order], self.evidence[order]
-        return WeighedPoses(poses, scores, evidence, self.motions[order], self.is_guessed[order])
+        return WeighedPoses(poses, scores, evidence, self.priors[order], self.wide_priors[order])
 
     @cached_property
     def _rows(self) -> list[list[float]]:
@@ -123,7 +119,7 @@ class WeighedPoses:
     @cached_property
     def _terms(self) -> list[list[float]]:
         """What the model weighs of each pose, in the order of COEFFICIENTS, without an open direction."""
-        rows: list[list[float]] = terms_of(self.evidence, self.motions, self.is_guessed).tolist()
+        rows: list[list[float]] = terms_of(self.evidence, self.priors, self.wide_priors).tolist()
         return rows
 
     def terms(self, k: int, is_degenerate: bool = False) -> dict[str, float]:
@@ -146,28 +142,45 @@ class WeighedPoses:
         return terms
 
     def rank(self, k: int) -> float:
-        """Return what poses are sorted by, the least first: the log odds, in which a motion counts for little.
+        """Return what poses are compared by: the log odds, in which the prior counts for little."""
+        return self._odds[k] - (1.0 - _PRIOR_OF_TWO) * self._by_prior(k)
 
-        A large motion makes any pose less certain; which of two is right it hardly says.
-        """
-        odds = self._odds[k]
-        for row in (_MOTION, _FEW_MOTION):
-            odds -= (1.0 - _MOTION_OF_RANK) * _WEIGHTS[row] * self._terms[k][row]
-        return -odds
+    def _by_prior(self, k: int) -> float:
+        """Return what the prior weighs in the log odds of a pose."""
+        return sum(_WEIGHTS[row] * self._terms[k][row] for row in (_PRIOR, _FEW_PRIOR))
+
+    def is_told(self, k: int) -> bool:
+        """Return whether the prior itself says that the scan is at pose k."""
+        return bool(self.priors[k] > TOLD)
 
     def rival_terms(self, k: int) -> dict[str, float]:
         """Return what the model weighs of pose k against the first."""
         return dict(zip(RIVAL_COEFFICIENTS, self._rival_terms_at(k), strict=True))
 
     def rival_log_odds(self, k: int) -> tuple[float, float]:
-        """Return the log odds that pose k is right and not the first, and its repetition."""
+        """Return the log odds that pose k is right and not the first, at most the difference of theirs; repetition."""
         terms = self._rival_terms_at(k)
-        return _weighted(_RIVAL_WEIGHTS, terms), terms[-1]
+        return min(_weighted(_RIVAL_WEIGHTS, terms), self._odds[k] - self._odds[0]), terms[-1]
 
     def _rival_terms_at(self, k: int) -> list[float]:
-        own, best = self._terms[k], self._terms[0]
-        misfit, seen_through, motion = (own[row] - best[row] for row in _COMPARED)
-        return [1.0, misfit, seen_through, max(motion, -_MAX_NEARER), self.repetition(k)]
+        own, best, repetition = self._terms[k], self._terms[0], self.repetition(k)
+        misfit, seen_through, prior = (own[row] - best[row] for row in _COMPARED)
+        # to be expected more speaks for a pose as far as the scans do
+        return [1.0, misfit, seen_through, prior * repetition if prior > 0.0 else prior, repetition]
+
+    @property
+    def is_bare(self) -> bool:
+        """Whether hardly more than four walls agree at the first pose."""
+        return bool(self._rows[0][BEYOND] < ANY)
+
+    def repeated_along(self) -> list[int]:
+        """Return the rows of poses beside the first, turned as it is, that explain some of its support."""
+        return [k for k in range(1, len(self.poses)) if self.is_beside(k) and self.repetition(k) > REGULAR]
+
+    def is_beside(self, k: int) -> bool:
+        """Return whether pose k is the first one moved, as along a row of equal things."""
+        x, y, turn = difference(self.poses[k], self.poses[0])
+        return abs(turn) < SAME and math.hypot(x, y) > PITCH
 
     @property
     def may_be_turned(self) -> bool:
@@ -182,8 +195,8 @@ class WeighedPoses:
         best = self._rows[0]
         contradicted = best[SEEN_THROUGH] + best[MISSED]
         is_wrong_somewhere = best[EXCESS] < _BARE_EXCESS and contradicted > _BARE_CONTRADICTED * best[AGREEING]
-        is_likely = is_wrong_somewhere or self.motions[0] > _BARE_MOTION
-        return bool(best[BEYOND] < ANY and is_likely and not self.is_guessed[0])
+        is_likely = is_wrong_somewhere or self.wide_priors[0] < _BARE_PRIOR
+        return self.is_bare and is_likely and not self.is_told(0)
 
     @property
     def is_hopeless(self) -> bool:
@@ -198,11 +211,11 @@ class WeighedPoses:
         """
         best = self._rows[0]
         is_along_walls = best[WEAKEST] < _ONE_WAY * best[AGREEING] and best[SMALL] > ANY
-        return bool(is_along_walls and not self.is_guessed[0])
+        return bool(is_along_walls and not self.is_told(0))
 
     def is_as_likely(self, k: int) -> bool:
         """Return whether pose k is hardly less likely than the first."""
-        return self.rank(k) < self.rank(0) + _AS_LIKELY
+        return self.rank(k) > self.rank(0) - _AS_LIKELY
 
     def explains_more(self, k: int) -> bool:
         """Return whether walls contradict the first pose, and more agrees at pose k, and better.
@@ -222,8 +235,7 @@ class WeighedPoses:
         """Return how much of what supports the first pose the pose k explains as well, as a share.
 
         The geometric mean of the shares of the excess length and of the length that fixes the weakest direction, less
-        what is seen through there and not at the first. A pose that rests on two walls alone counts less the farther it
-        is from where the sensor is expected, any other where that is much farther.
+        what is seen through there and not at the first.
         """
         own, best = self._rows[k], self._rows[0]
         if self.explains_more(k):
@@ -233,10 +245,11 @@ class WeighedPoses:
         contradicted = sum(max(own[one] - best[one], 0.0) for one in (SEEN_THROUGH, SMALL))
         allowed = _CONTRADICTED * max(own[AGREEING], _FLOOR)
         share = math.sqrt(max(share, 0.0)) * max(0.0, 1.0 - contradicted / allowed)
-        farther = float(self.motions[k] - self.motions[0])
-        if own[EXCESS] < _TWO_WALLS:
-            share *= min(1.0, max(0.0, 1.0 - _FADING_OF_TWO * (farther - _NEARER)))
-        return float(share * min(1.0, max(0.0, 1.0 - _FADING * (farther - _MUCH_NEARER))))
+        return float(share)
+
+    def fading(self, k: int) -> float:
+        """Return the share that is left of a rival by how much less the prior has it than the first."""
+        return math.exp(min(_PRIOR_OF_TWO * (self._by_prior(k) - self._by_prior(0)), 0.0))
 
 
 def _weighted(weights: tuple[float, ...], terms: list[float]) -> float:
@@ -245,43 +258,30 @@ def _weighted(weights: tuple[float, ...], terms: list[float]) -> float:
 
 
 @kernel
-def terms_of(evidence: Floats, motions: Floats, is_guessed: Bools) -> Floats:
+def terms_of(evidence: Floats, priors: Floats, wide_priors: Floats) -> Floats:
     """Return (k, n) what the model weighs of each pose, in the order of COEFFICIENTS, without an open direction."""
-    terms = np.zeros((motions.size, _N_TERMS))
-    for k in range(motions.size):
+    terms = np.zeros((priors.size, _N_TERMS))
+    for k in range(priors.size):
         terms[k, _CONSTANT] = 1.0
         for i in range(len(_COLUMNS)):
             terms[k, _CONSTANT + 1 + i] = math.log10(max(evidence[k, _COLUMNS[i]], 0.0) + _LEAST[i])
-        motion = min(max(motions[k] - _FREE_MOTION, 0.0), _MAX_MOTION - _FREE_MOTION)
         # 1 where the pose rests on two walls alone, 0 from some more on
         few = max(1.0 - (max(evidence[k, EXCESS], 0.0) + _LEAST[0]) / _ENOUGH_EXCESS, 0.0)
-        terms[k, _MOTION] = motion
-        terms[k, _GUESSED] = 1.0 if is_guessed[k] else 0.0
+        terms[k, _PRIOR] = priors[k]
         terms[k, _FEW] = few
-        terms[k, _FEW_MOTION] = few * motion
+        terms[k, _FEW_PRIOR] = few * wide_priors[k]
         terms[k, _FEW_SEEN_THROUGH] = few * (terms[k, _SEEN_THROUGH] + 1.0)
     return terms
 
 
-@kernel
-def weigh_poses(
-    ref: Surfaces, cur: Surfaces, poses: Floats, around: Floats, near: float, margin: float
-) -> tuple[Floats, Floats, Bools]:
-    """Return the evidence of (k, 3) poses, how far each is from (3,) `around`, and whether nearer than `near`."""
-    motions, is_near = np.empty(poses.shape[0]), np.empty(poses.shape[0], dtype=np.bool_)
-    for k in range(motions.size):
-        turn = poses[k, 2] - around[2]
-        turn -= 2.0 * math.pi * np.rint(turn / (2.0 * math.pi))
-        motions[k] = math.hypot(poses[k, 0] - around[0], poses[k, 1] - around[1]) + abs(turn)
-        is_near[k] = motions[k] < near
-    return gather_evidence(ref, cur, poses, margin), motions, is_near
-
-
 def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
-    """Return poses with their evidence, the most likely first."""
-    ref, cur, guess, config = problem
-    around, near = (_STAND_STILL, 0.0) if guess is None else (guess, NEAR)
-    found = weigh_poses(ref.surfaces, cur.surfaces, poses, around, near, config.scoring.margin)
-    weighed = WeighedPoses(poses, scores, *found)
-    order = sorted(range(len(poses)), key=weighed.rank) if len(poses) > 1 else [0]
-    return weighed if order == list(range(len(order))) else weighed.rows(order)
+    """Return poses with their evidence, the best first; of those that the scans do not distinguish the likeliest."""
+    ref, cur, prior, config = problem
+    evidence = gather_evidence(ref.surfaces, cur.surfaces, poses, config.scoring.margin)
+    weighed = WeighedPoses(poses, scores, evidence, *prior.log_odds(poses))
+    if len(poses) < 2:
+        return weighed
+    weighed = weighed.rows(sorted(range(len(poses)), key=lambda k: -weighed.rank(k)))
+    alike = [0, *(k for k in range(1, len(poses)) if weighed.repetition(k) > MAX_REPETITION)]
+    best = max(alike, key=weighed.log_odds)
+    return weighed.rows([best, *(k for k in range(len(poses)) if k != best)]) if best else weighed

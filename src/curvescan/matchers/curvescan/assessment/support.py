@@ -6,17 +6,20 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
-from curvescan.matchers.curvescan.config import NEAR, SAME
-from curvescan.matchers.curvescan.pose_difference import difference
-from curvescan.types import Floats
+from curvescan.matchers.curvescan.assessment.confidence import MAX_REPETITION, REGULAR, WeighedPoses
+from curvescan.matchers.curvescan.config import NEAR
 
-# Least share of what supports a pose that another explains at which the two cannot be distinguished.
-MAX_REPETITION = 0.45
-_REGULAR = 0.33  # the same of two poses as far from it to either side, as in a row of equal things
-_PITCH = 0.5  # least distance of the things in a row, metres
 _MAX_LOG_ODDS = 60  # beyond it a probability is 0 or 1
+
+
+class Probabilities(NamedTuple):
+    """Of what may come of a match; they sum to 1."""
+
+    accept: float  # the pose is right
+    ambiguous: float  # another pose is
+    unsupported: float  # the scans have nothing in common
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,27 +28,19 @@ class Support:
 
     log_odds: float  # that it is right and the scans have not nothing in common
     rivals: dict[int, float]  # log odds, for each other pose that may be right instead, by its row
-    repetitions: dict[int, float]  # share of what supports the first that each of them explains
+    repetitions: dict[int, float]  # share of what supports the first that each explains, less where expected less
     # rows that lie to either side of the first at one distance and each explain some of what supports it: shelves in
     # a row, of which the first lays those of one scan on the next ones of the other
     regular: tuple[int, ...] = ()
+    is_by_prior: bool = False  # whether the scans alone do not distinguish another from the first, and the prior does
 
-    @property
-    def confidence(self) -> float:
-        """Probability that the pose is right and no other."""
-        return self.confidence_with([])
-
-    def confidence_with(self, accepted: Sequence[int]) -> float:
-        """Return the probability that the pose is right, or one of the `accepted` rows, that its covariance holds."""
+    def probabilities(self, accepted: Sequence[int] = ()) -> Probabilities:
+        """Return what may come of the match; the `accepted` rows are held by the covariance of the first pose."""
         odds = {row: math.exp(min(value, _MAX_LOG_ODDS)) for row, value in self.rivals.items()}
         nothing = math.exp(min(-self.log_odds, _MAX_LOG_ODDS))
         right = 1.0 + sum(odds[row] for row in accepted if row in odds)
-        return right / (1.0 + sum(odds.values()) + nothing)
-
-    @property
-    def is_related(self) -> float:
-        """Probability that the scans have anything in common, at any of the poses."""
-        return 1.0 - math.exp(min(-self.log_odds, _MAX_LOG_ODDS)) * self.confidence
+        total = 1.0 + sum(odds.values()) + nothing
+        return Probabilities(right / total, 1.0 - (right + nothing) / total, nothing / total)
 
     def repeated(self) -> list[int]:
         """Return the rows of the poses that cannot be distinguished from the first."""
@@ -55,27 +50,23 @@ class Support:
 def support_of(weighed: WeighedPoses, others: Sequence[int], is_degenerate: bool) -> Support:
     """Return what speaks for the first of some poses."""
     found = {k: weighed.rival_log_odds(k) for k in others}
-    repetitions = {k: repetition for k, (_, repetition) in found.items()}
+    repetitions = {k: repetition * weighed.fading(k) for k, (_, repetition) in found.items()}
     return Support(
         log_odds=weighed.log_odds(0, is_degenerate),
         rivals={k: odds for k, (odds, _) in found.items()},
         repetitions=repetitions,
-        regular=regular_rows(weighed.poses, repetitions),
+        regular=regular_rows(weighed, repetitions),
+        is_by_prior=any(share > MAX_REPETITION >= repetitions[k] for k, (_, share) in found.items()),
     )
 
 
-def regular_rows(poses: Floats, repetitions: dict[int, float]) -> tuple[int, ...]:
+def regular_rows(weighed: WeighedPoses, repetitions: dict[int, float]) -> tuple[int, ...]:
     """Return the rows of poses that come in pairs, as far from the first to one side as to the other, turned as it is.
 
     `repetitions` has the rows to look at and the share of the first's support that each explains.
     """
-    found = []
-    rows = [k for k, share in repetitions.items() if share > _REGULAR]
-    offsets = {k: difference(poses[k], poses[0]) for k in rows}
-    for i, j in itertools.combinations(rows, 2):
-        (x, y, turn), (x_other, y_other, turn_other) = offsets[i], offsets[j]
-        is_alike = max(abs(turn), abs(turn_other)) < SAME
-        is_mirrored = math.hypot(x + x_other, y + y_other) < NEAR
-        if is_alike and is_mirrored and math.hypot(x, y) > _PITCH:
-            found += [i, j]
-    return tuple(found)
+    rows = [k for k, share in repetitions.items() if share > REGULAR and weighed.is_beside(k)]
+    sums = {
+        (i, j): weighed.poses[i] + weighed.poses[j] - 2.0 * weighed.poses[0] for i, j in itertools.combinations(rows, 2)
+    }
+    return tuple(row for pair, (x, y, _) in sums.items() if math.hypot(x, y) < NEAR for row in pair)

@@ -10,7 +10,7 @@ import numpy as np
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import ARM
-from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY
+from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
 
 _ACROSS = 0.88  # cosine of the angle, 28 degrees, from which on two walls do not run alike
@@ -101,3 +101,11 @@ def longest_wall(lines: Floats, on_wall: Bools, taken: Bools, walls: Ints, turn:
         if length > best:
             best, best_seed = length, seed
     return best, best_seed
+
+
+def extent(surfels: Floats, codes: Codes) -> float:
+    """Return how far from each other the readings that agree lie at most, metres; of many, some stand for all."""
+    agreeing = surfels[codes == INLIER][:, [X, Y]]
+    some = agreeing[:: max(len(agreeing) // _N_TAKEN, 1)]
+    offsets = some[:, np.newaxis] - some
+    return float(np.sqrt((offsets**2).sum(axis=2).max(initial=0.0)))

@@ -9,13 +9,18 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
 from curvescan.matchers.curvescan.features.keypoints import find_corners, with_ends
 from curvescan.matchers.curvescan.features.objects import Objects, Surfaces, find_objects
-from curvescan.matchers.curvescan.features.range_image import SIGMA, RangeImage, azimuth_table, uneven_azimuth_table
+from curvescan.matchers.curvescan.features.range_image import (
+    SIGMA,
+    RangeImage,
+    azimuth_table,
+    bearing,
+    uneven_azimuth_table,
+)
 from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
-from curvescan.matchers.curvescan.features.surfels import fit_lines, fit_surfels
+from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, fit_lines, fit_surfels
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Floats, Ints
 
@@ -24,6 +29,10 @@ _NOISY = 0.02  # range noise, metres, from which on segments and lines are found
 # Growth of `jump` for each metre of range noise above that; power of the noise with which `arm` grows: from two thirds
 # on the directions of lines are known as well as with less noise.
 _JUMP_GROWTH, _ARM_GROWTH = 8.0, 0.9
+
+# Bins of the histogram: of 3 degrees, which smoothing and a parabola through the best shift make finer.
+N_DIRECTIONS = 120
+_LEAST_NORM2 = 1e-12  # square metres, so that a scan without surfaces is not divided by zero
 
 
 class CurvescanFeatures(NamedTuple):
@@ -128,3 +137,26 @@ def extract(
     label, is_free, is_small = find_objects(surfels, bounds)
     directions = direction_histogram(surfels)
     return beam_idx, bounds, surfels, sigma, keypoints, samples, label, is_free, is_small, directions, table
+
+
+@kernel
+def direction_histogram(surfels: Floats) -> Floats:
+    """Return (120,) the length of surface that faces each direction, smoothed, of unit norm; it turns with the sensor.
+
+    As in Weiss and von Puttkamer, 1995.
+    """
+    counts = np.zeros(N_DIRECTIONS)
+    places = np.empty(surfels.shape[0])
+    for i in range(places.size):  # in a loop of its own, which the compiler turns into vector instructions
+        places[i] = (bearing(surfels[i, NX], surfels[i, NY]) + math.pi) * float(N_DIRECTIONS) / (2.0 * math.pi)
+    for i in range(places.size):
+        k = min(int(places[i]), N_DIRECTIONS - 1)
+        share = places[i] - k
+        counts[k] += (1.0 - share) * surfels[i, LENGTH]
+        counts[k + 1 if k < N_DIRECTIONS - 1 else 0] += share * surfels[i, LENGTH]
+    smooth = np.empty(N_DIRECTIONS)
+    total = _LEAST_NORM2
+    for k in range(N_DIRECTIONS):
+        smooth[k] = counts[k - 1] + 2.0 * counts[k] + counts[(k + 1) % N_DIRECTIONS]
+        total += smooth[k] * smooth[k]
+    return smooth / math.sqrt(total)

@@ -11,6 +11,7 @@ from curvescan.matchers.curvescan.config import NEAR, SAME, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.pose_difference import distance
+from curvescan.matchers.curvescan.prior import Prior
 from curvescan.matchers.curvescan.proposal.hypotheses import most_voted, pair_keypoints
 from curvescan.matchers.curvescan.proposal.rotation_hypotheses import (
     aligned_translations,
@@ -24,11 +25,10 @@ from curvescan.types import Floats, Pose
 _MAX_PAIRS = 4000  # pairs of keypoints taken, at most
 # Where no pose finds support, places up to so many metres along each axis are tried at which walls coincide within so
 # many metres, and so many an axis.
-_ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED = 2.0, 0.1, 3
+_ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED = 2.0, SAME, 3
 _N_KEPT = 4  # poses that are refined
 CONTESTED = 0.3  # a pose with this share of the best one's score competes with it, and is judged beside it
 _FEW_TRIED, _CERTAIN_SCORE = 24, 0.55  # with fewer poses than this to try, other ways are tried up to the next score
-_NO_POSES = np.empty((0, 3))
 
 
 class Problem(NamedTuple):
@@ -37,22 +37,8 @@ class Problem(NamedTuple):
     # reference, current: both scans
     reference: CurvescanFeatures
     current: CurvescanFeatures
-    # (3,) float64 or None: expected pose of the current scan in the reference, metres, metres, radians
-    guess: Pose | None
+    prior: Prior  # where the current scan is expected in the reference
     config: CurvescanConfig  # all parameters
-
-
-class Cues(NamedTuple):
-    """What of a scan proposes poses."""
-
-    image: RangeImage
-    keypoints: Floats  # (k, 5): columns as in keypoints.py
-    directions: Floats  # (120,): length of surface that faces each direction
-
-    @classmethod
-    def of(cls, features: CurvescanFeatures) -> Cues:
-        """Return those of a scan."""
-        return cls(features.image, features.keypoints, features.directions)
 
 
 class Effort(NamedTuple):
@@ -85,14 +71,14 @@ class Candidates(NamedTuple):
 
 
 def propose(problem: Problem) -> Candidates:
-    """Return the best poses: the guess alone where it is to be trusted, else what a search finds, and the guess."""
-    ref, cur, guess, config = problem
-    if guess is None:
-        return search(ref, cur, None, config)
-    near = refine_guess(ref, cur, guess, config)
-    if is_trusted(ref, cur, guess, near, config):
+    """Return the best poses: the expected one alone where it is to be trusted, else what a search finds, and it."""
+    ref, cur, prior, config = problem
+    if not prior.is_told:
+        return search(ref, cur, prior, config)
+    near = refine_guess(ref, cur, prior.pose, config)
+    if is_trusted(ref, cur, prior, near, config):
         return near
-    found = search(ref, cur, guess, config)
+    found = search(ref, cur, prior, config)
     if not len(near.scores) or any(distance(near.poses[0], pose) < SAME for pose in found.poses):
         return found
     return Candidates(
@@ -111,34 +97,37 @@ def refine_guess(ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose, co
 
 
 def is_trusted(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose, near: Candidates, config: CurvescanConfig
+    ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, near: Candidates, config: CurvescanConfig
 ) -> bool:
     """Return whether the refined guess is taken without a look at others.
 
-    It is when enough readings agree there, the refinement stays near, and both axes are fixed.
+    It is when enough readings agree there, it lies where the prior has it, and both axes are fixed.
     """
-    step = config.hypotheses.along_step
+    rules = config.information
     return bool(
         len(near.scores)
         and near.scores[0] > config.scoring.guess_score
-        and distance(near.poses[0], guess) < 2.0 * step
+        and prior.tells(near.poses[0])
         and not len(
-            degenerate_hypotheses(near.poses, ref.image, cur.image, step, 1, config.information.degenerate_ratio)
+            degenerate_hypotheses(
+                near.poses, ref.image, cur.image, config.hypotheses.along_step, 1, rules.degenerate_ratio
+            )
         )
     )
 
 
-def search(ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose | None, config: CurvescanConfig) -> Candidates:
-    """Return the best poses of all that keypoints, directions of surfaces and the guess propose.
+def search(ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, config: CurvescanConfig) -> Candidates:
+    """Return the best poses of all that keypoints, directions of surfaces and the prior propose.
 
-    Where they find little support, and the best is not where the guess has it, the places where walls of both
+    Where they find little support, and the best is not where the prior has it, the places where walls of both
     scans coincide are tried as well.
     """
     effort = _effort(config)
-    guesses = _NO_POSES if guess is None else guess[np.newaxis]
-    poses, scores, rotated, n_tried = propose_widely(guesses, Cues.of(ref), Cues.of(cur), effort)
+    poses, scores, rotated, n_tried = propose_widely(
+        prior.pose, ref.image, ref.keypoints, ref.directions, cur.image, cur.keypoints, cur.directions, effort
+    )
     found = Candidates(poses=poses, scores=scores, n_tried=n_tried)
-    if not _is_doubtful(found, config) or _is_expected(found, guess, config):
+    if not _is_doubtful(found, config) or _is_expected(found, prior, config):
         return found
     aligned = aligned_translations(
         rotated, ref.image.samples, cur.image.samples, _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED
@@ -167,13 +156,21 @@ def _effort(config: CurvescanConfig) -> Effort:
 
 
 @kernel
-def propose_widely(guesses: Floats, ref: Cues, cur: Cues, effort: Effort) -> tuple[Floats, Floats, Floats, int]:
-    """Return the best poses that keypoints, directions and guesses propose, their scores, all turns, and how many."""
-    turns = rotation_hypotheses(ref.directions, cur.directions, effort.n_rotations, np.zeros(3))
-    rotated = stack(guesses, turns)
-    pairs = pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, effort.min_turn, effort.max_pairs)
+def propose_widely(
+    expected: Pose,
+    ref: RangeImage,
+    keypoints_ref: Floats,
+    directions_ref: Floats,
+    cur: RangeImage,
+    keypoints_cur: Floats,
+    directions_cur: Floats,
+    effort: Effort,
+) -> tuple[Floats, Floats, Floats, int]:
+    """Return the best poses that keypoints, directions and a prior propose, their scores, all turns, and how many."""
+    rotated = rotation_hypotheses(directions_ref, directions_cur, effort.n_rotations, expected)
+    pairs = pair_keypoints(keypoints_ref, keypoints_cur, ref, cur, effort.min_turn, effort.max_pairs)
     tried = stack(rotated, most_voted(pairs, effort.cell, 0.5 * effort.cell, effort.max_tried))
-    poses, scores = explore(tried, ref.image, cur.image, effort)
+    poses, scores = explore(tried, ref, cur, effort)
     return poses, scores, rotated, tried.shape[0]
 
 
@@ -205,12 +202,9 @@ def explore(poses: Floats, ref: RangeImage, cur: RangeImage, effort: Effort) -> 
     return select(quick, ref, cur, close, close_slope, n_kept[2], n_first[2], NEAR)
 
 
-def _is_expected(found: Candidates, guess: Pose | None, config: CurvescanConfig) -> bool:
-    """Return whether the best pose lies where the guess has it, and finds some support."""
-    if guess is None or not len(found.scores):
-        return False
-    is_near = distance(found.poses[0], guess) < 2.0 * config.hypotheses.along_step
-    return bool(is_near and found.scores[0] > config.scoring.doubtful_score)
+def _is_expected(found: Candidates, prior: Prior, config: CurvescanConfig) -> bool:
+    """Return whether the best pose lies where the prior has it, and finds some support."""
+    return bool(len(found.scores) and found.scores[0] > config.scoring.doubtful_score and prior.tells(found.poses[0]))
 
 
 def _is_doubtful(found: Candidates, config: CurvescanConfig) -> bool:

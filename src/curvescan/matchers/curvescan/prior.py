@@ -1,0 +1,101 @@
+"""The prior: what is known of a pose before the scans are compared, as log odds beside the prior of knowing nothing.
+
+One prior in twenty is wrong, as wheels slip and robots are carried. Then the scans may have nothing in common or lie
+anywhere within the wide prior about the same place. So a narrow prior gains where it is right, and costs nothing
+elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.matchers.result import WIDE_PRIOR, WIDE_SIGMA
+from curvescan.types import Cov, Floats, Pose, UncertainPose
+
+_WRONG = 0.05  # share of priors that are wrong
+_WIDE_PRECISION = tuple(sigma**-2 for sigma in WIDE_SIGMA)
+_MATCHED = (0.05, 0.05, 0.025)  # standard deviations of a matched pose: metres, metres, radians
+_MAX_CHI2 = 9.0  # of the wide prior: farther off is as unlikely as three standard deviations
+TOLD = 2.0  # log odds from which on the prior itself says where the pose is
+
+
+class Prior(NamedTuple):
+    """Where the current scan is expected in the reference, and how surely."""
+
+    pose: Pose
+    precision: Cov  # (3, 3) inverse covariance of what a matched pose differs from `pose` by
+    gain: float  # odds that it is right and not wrong, at its best; 0 for the wide prior
+
+    @classmethod
+    def of(cls, known: UncertainPose) -> Prior:
+        """Return a prior ready to be asked."""
+        precision, determinant = inverse(known.cov)
+        narrower = math.prod(WIDE_SIGMA) / math.sqrt(determinant)
+        return cls(known.pose, precision, 1.0 / (_WRONG + 1.0 / (narrower - 1.0)) if narrower > 1.0 else 0.0)
+
+    def log_odds(self, poses: Floats) -> tuple[Floats, Floats]:
+        """Return (k,) log odds of (k, 3) poses beside the best of the wide prior: by this one, and if it is wrong."""
+        return log_odds(poses, *self)
+
+    def nearest_along(self, pose: Pose, direction: Pose, reach: float) -> Pose:
+        """Return the pose that is expected most of those that lie up to `reach` along a direction from a pose."""
+        x, y, turn = (pose - self.pose).tolist()
+        off = np.array([x, y, math.remainder(turn, 2.0 * math.pi)])
+        along = self.precision @ direction
+        steps = min(max(-float(along @ off) / float(along @ direction), -reach), reach)
+        nearest: Pose = pose + steps * direction
+        return nearest
+
+    @property
+    def is_told(self) -> bool:
+        """Whether the prior says where the pose is, and not only where it may be."""
+        return math.log1p(self.gain) > TOLD
+
+    def tells(self, pose: Pose) -> bool:
+        """Return whether the prior itself says that the scan is at a pose."""
+        return bool(self.log_odds(pose[np.newaxis])[0][0] > TOLD)
+
+
+@kernel
+def inverse(cov: Cov) -> tuple[Cov, float]:
+    """Return the inverse of a covariance, of a matched pose added, and the determinant of the sum; by cofactors."""
+    a, b = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            a[i, j] = cov[i, j] + (_MATCHED[i] * _MATCHED[i] if i == j else 0.0)
+    for i in range(3):
+        for j in range(3):
+            p, q, r, s = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+            b[j, i] = a[p, r] * a[q, s] - a[p, s] * a[q, r]
+    determinant = a[0, 0] * b[0, 0] + a[0, 1] * b[1, 0] + a[0, 2] * b[2, 0]
+    for i in range(3):
+        for j in range(3):
+            b[i, j] /= determinant
+    return b, determinant
+
+
+@kernel
+def log_odds(poses: Floats, expected: Pose, precision: Cov, gain: float) -> tuple[Floats, Floats]:
+    """Return (k,) log odds of (k, 3) poses by a prior, and by the wide one about the same place; see Prior."""
+    found, found_wide = np.empty(poses.shape[0]), np.empty(poses.shape[0])
+    off = np.empty(3)
+    for k in range(poses.shape[0]):
+        off[0], off[1] = poses[k, 0] - expected[0], poses[k, 1] - expected[1]
+        turn = poses[k, 2] - expected[2]
+        off[2] = turn - 2.0 * math.pi * np.rint(turn / (2.0 * math.pi))
+        chi2, wide = 0.0, 0.0
+        for i in range(3):
+            wide += _WIDE_PRECISION[i] * off[i] * off[i]
+            for j in range(3):
+                chi2 += off[i] * precision[i, j] * off[j]
+        found_wide[k] = -0.5 * min(wide, _MAX_CHI2)
+        found[k] = math.log(gain * math.exp(-0.5 * chi2) + math.exp(found_wide[k]))
+    return found, found_wide
+
+
+WIDE = Prior.of(WIDE_PRIOR)
+"""Of knowing nothing."""
