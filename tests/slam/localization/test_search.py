@@ -59,9 +59,19 @@ def test_nothing_is_likely_without_readings(field: DistanceField) -> None:
     assert likely_poses(field, np.empty((0, 2)), np.ones((30, 2)), 5).shape == (0, 3)
 
 
-def _place(x: float, support: float, view: float | None = None, prior: float = 0.0) -> Place:
+def _place(
+    x: float, support: float, view: float | None = None, prior: float = 0.0, matches: tuple[float, float] = (0.0, 0.0)
+) -> Place:
     view = support if view is None else view
-    return Place(pose=np.array([x, 0.0, 0.0]), walls=view, view=view, support=support, prior=prior)
+    in_view, in_all = matches
+    return Place(
+        pose=np.array([x, 0.0, 0.0]),
+        walls=view,
+        view=view + in_view,
+        wall_support=support,
+        support=support + in_all,
+        prior=prior,
+    )
 
 
 @pytest.mark.parametrize(
@@ -118,6 +128,17 @@ def test_a_prior_adds_to_what_the_views_say(support: float, view: float, prior: 
 def test_one_view_does_not_overrule_those_before() -> None:
     assert Views(found=[_place(0.0, 0.6)]).winner is not None
     assert Views(found=[_place(0.0, -0.3, 0.6)]).winner is None
+
+
+@pytest.mark.parametrize("by_walls", [0.05, 0.15])
+@pytest.mark.parametrize("views", [(0.25, 0.25, (0.2, 0.2)), (1.2, 0.1, (0.0, 0.6))])
+def test_matches_do_not_decide_between_places_whose_walls_look_alike(
+    by_walls: float, views: tuple[float, float, tuple[float, float]]
+) -> None:
+    support, view, matches = views
+    best, other = _place(0.0, support, view, matches=matches), _place(3.0, support - by_walls, view - by_walls)
+    assert (Views(found=[other, best]).winner is best) is (by_walls > 0.1)
+    assert Views(found=[other, _place(0.0, support, view)]).winner is None  # nor do walls without them
 
 
 def test_a_place_is_best_by_the_margin() -> None:

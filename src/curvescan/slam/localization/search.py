@@ -60,7 +60,8 @@ class Place:
     pose: Pose  # (3,): in the map
     walls: float  # how much the last view speaks for it by its walls
     view: float  # and with what a match says
-    support: float  # the sum over the views, by walls
+    wall_support: float  # the sums of both over the views
+    support: float
     prior: float = 0.0  # what was known before says of it, where the sensor is now
 
 
@@ -73,15 +74,11 @@ class Views:
     @property
     def winner(self) -> Place | None:
         """The place for which the last view, or all views together, speak clearly more than for any other."""
-        best = _chosen(self.found, [place.view + place.prior for place in self.found], _ONE_VIEW)
-        # nor may the views before speak against it; and matches do not decide between two places that look alike
-        if (
-            best is not None
-            and best.support >= best.walls - _MARGIN
-            and self.is_best(best.pose, best.walls + best.prior)
-        ):
+        best = _chosen([(place, place.view, place.walls) for place in self.found], _ONE_VIEW)
+        # nor may the views before speak against it
+        if best is not None and best.wall_support >= best.walls - _MARGIN:
             return best
-        best = _chosen(self.found, [place.support + place.prior for place in self.found], _SEVERAL_VIEWS)
+        best = _chosen([(place, place.support, place.wall_support) for place in self.found], _SEVERAL_VIEWS)
         # a corridor repeats over many views: they do not outweigh where the sensor was and how it has moved since;
         # and where it leaves the map, views before it did speak for places that the last one is against
         return best if best is not None and best.prior > -0.5 * _MARGIN and best.walls >= 0.0 else None
@@ -133,6 +130,7 @@ class MapSearch:
         poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
         # a place that was not among those of earlier views agreed with them no better than the least of them
         missed = min((place.support for place in earlier), default=0.0)
+        missed_walls = min((place.wall_support for place in earlier), default=0.0)
         new: list[Place] = []
         for k, (pose, likely) in enumerate(zip(poses, self.known(prior, poses).tolist(), strict=True)):
             if any(is_same(pose, place.pose) for place in new):
@@ -142,9 +140,14 @@ class MapSearch:
             fit = self.field.agreement(points, pose).score
             walls, view = said(contour, fit), said(contour, fit + SCORE * score)
             # the sensor may have come into the map with the view before, where it was expected also with this one
-            so_far = max(earlier[k].support if k < len(earlier) else missed, 0.0 if likely > 0.0 else -_MOST_AGAINST)
-            support = max(walls, -_MOST_AGAINST) + so_far
-            new.append(Place(pose=pose, walls=walls, view=view, support=support, prior=likely))
+            least = 0.0 if likely > 0.0 else -_MOST_AGAINST
+            so_far = max(earlier[k].support if k < len(earlier) else missed, least)
+            so_far_walls = max(earlier[k].wall_support if k < len(earlier) else missed_walls, least)
+            support = max(view, -_MOST_AGAINST) + so_far
+            wall_support = max(walls, -_MOST_AGAINST) + so_far_walls
+            new.append(
+                Place(pose=pose, walls=walls, view=view, wall_support=wall_support, support=support, prior=likely)
+            )
         new.sort(key=lambda place: (-(place.support + place.prior), -place.walls))
         return Views(found=new[: self._n_tried])
 
@@ -170,11 +173,14 @@ def said(contour: float, fit: float) -> float:
     return min(contour / _CONTOUR_M, 1.0) * (fit - _NEUTRAL)
 
 
-def _chosen(found: Sequence[Place], said_of: Sequence[float], needed: float) -> Place | None:
+def _chosen(said: Sequence[tuple[Place, float, float]], needed: float) -> Place | None:
     """Return the place of which most is said, where that, and how much less is said of any other, are enough."""
-    if not found:
+    if not said:
         return None
-    best = int(np.argmax(said_of))
-    ahead = said_of[best] - max((one for k, one in enumerate(said_of) if k != best), default=-1.0)
-    is_clear = said_of[best] >= 0.0 and ahead >= _MARGIN and 2.0 * said_of[best] + ahead >= needed
-    return found[best] if is_clear else None
+    rows = np.array([(by_all, by_walls) for _, by_all, by_walls in said]) + [[p.prior] for p, _, _ in said]
+    best = int(np.argmax(rows[:, 0]))
+    # matches do not decide between two places whose walls look alike
+    ahead = (rows[best] - np.max(np.delete(rows, best, axis=0), axis=0, initial=-1.0)).tolist()
+    most = float(rows[best, 0])
+    is_clear = most >= 0.0 and min(ahead) >= _MARGIN and 2.0 * most + ahead[0] >= needed
+    return said[best][0] if is_clear else None
