@@ -68,8 +68,6 @@ def warm_up(
     ------
     InvalidArgumentError
         When the method or the processor is unknown.
-    MissingPackageError
-        When the method needs a package that is not installed.
     OutputError
         When the folder cannot be written, or the other process fails.
     """

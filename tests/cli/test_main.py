@@ -21,7 +21,7 @@ from rich.console import Console
 from curvescan._version import described
 from curvescan.cli import console
 from curvescan.cli.command_line import COMMANDS, run
-from curvescan.cli.console import load_usable_methods, with_flags
+from curvescan.cli.console import with_flags
 from curvescan.cli.options import (
     BenchmarkName,
     MatcherFlags,
@@ -419,14 +419,6 @@ def test_ctrl_c_before_there_is_anything_leaves_nothing(log, tmp_path, capsys, m
 def test_the_module_runs_as_the_command_does():
     done = subprocess.run([sys.executable, "-m", "curvescan", "--version"], capture_output=True, text=True, timeout=600)
     assert done.stdout == described() + "\n"
-
-
-@pytest.mark.slow
-def test_a_method_whose_package_is_missing_is_left_out_and_said(capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, "scipy.spatial", None)
-    usable = load_usable_methods()
-    assert set(usable) == set(MATCHERS) - {"icp"}
-    assert 'icp is left out: method "icp" needs SciPy' in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.slow

@@ -20,7 +20,6 @@ from rich.table import Table
 from rich.text import Text
 
 from curvescan._interrupts import stoppable
-from curvescan.errors import MissingPackageError
 from curvescan.runs.document import ResultTable
 
 if TYPE_CHECKING:
@@ -121,23 +120,15 @@ def run_display(unit: str = "scans") -> Iterator[RunDisplay]:
         yield RunDisplay(stages, unit)
 
 
-def load_usable_methods() -> tuple[str, ...]:
-    """Load the kernels of every method and return the names of those whose packages are installed."""
+def load_methods() -> None:
+    """Load the kernels of every method."""
     from curvescan import warm_up
     from curvescan._compilation import watch
     from curvescan.matchers import MATCHERS
 
-    usable = []
-    with watch.held():
+    with watch.held(), ERR.status("loading kernels"):
         for method in MATCHERS:
-            try:
-                with ERR.status("loading kernels"):
-                    warm_up(method, slam=False)
-            except MissingPackageError as error:
-                ERR.print(f"{method} is left out: {error}")
-            else:
-                usable.append(method)
-    return tuple(usable)
+            warm_up(method, slam=False)
 
 
 def show(result: ResultTable) -> None:

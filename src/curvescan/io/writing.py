@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple, Protocol, TypeAlias
 import numpy as np
 
 from curvescan.configs import look_up
-from curvescan.errors import CurvescanError, InvalidArgumentError, OutputError
+from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.files.lines import as_path
 from curvescan.io.files.output import output_file, output_folder
@@ -102,11 +102,8 @@ def write_log(
     with output_folder(target) if row.is_folder else output_file(target) as new:
         try:
             return write(new, log, on_scan or (lambda: None))
-        except CurvescanError:
-            raise
-        except (OSError, sqlite3.Error) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise OutputError(f"cannot write {target}: {reason}") from error
+        except sqlite3.Error as error:
+            raise OutputError(f"cannot write {target}: {error}") from error
 
 
 def _choose(path: Path, name: str | None) -> OutputFormat:

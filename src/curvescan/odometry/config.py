@@ -66,6 +66,9 @@ class MotionConfig:
     """Wheel odometry errs by this share of the angle turned: mostly for want of a common clock with the laser."""
     motion_gate_chi2: float = 20.0
     """A match this far from the prediction is not accepted alone: squared Mahalanobis distance."""
+    expected_score: float = 0.3
+    """A match that would be in doubt without a guess counts where it is expected from this score on, in [0, 1]: of
+    scans of places that share nothing less than 1 in 1,000 reach it there, of scans a metre apart nearly all."""
 
     def __post_init__(self) -> None:
         for name in ("least_sigma_m", "recovery_sigma_m", "recovery_sigma_rad", "motion_gate_chi2"):

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from curvescan.matchers.result import WIDE_PRIOR, MatchResult
-from curvescan.odometry.measurement import GatedMatch, gate
+from curvescan.matchers.result import WIDE_PRIOR
+from curvescan.odometry.measurement import SURE, GatedMatch, gate, log_odds_of_best
 from curvescan.odometry.motion_model import LONGEST_STEP
 from curvescan.odometry.observation import Gap, Keyframe, Localization, Observation, Placement
 from curvescan.odometry.step import StepOutcome
@@ -29,9 +29,6 @@ _NEAR_M, _NEAR_RAD = 0.5, 0.5
 
 _CERTAIN = 3.5
 """Log odds (0.97) at which one match closes a gap, and the most that one gives."""
-
-_LIKELY = 1.4
-"""Log odds (0.8) of all matches of a gap at which the sensor is still near at its end: scans of one place err alike."""
 
 _NOTHING = -2.0
 """Log odds of a scan that has nothing to compare with what was in use."""
@@ -58,9 +55,9 @@ def settle_gap(o: Observation, placement: Placement, *, is_counted: bool = True)
     if gap is None:
         return placement
     found, said, keyframe = _best_match(o, placement, gap)
-    log_odds, n_scans = gap.log_odds + said, gap.n_scans + is_counted
-    is_last = n_scans > o.config.keyframes.max_gap
-    if found is not None and (said >= _CERTAIN or (is_last and log_odds >= _LIKELY)):
+    n_scans, longest = gap.n_scans + is_counted, o.config.keyframes.max_gap
+    log_odds, is_last = gap.log_odds + said / longest, n_scans > longest  # scans of one place err alike: their mean
+    if found is not None and (said >= _CERTAIN or (is_last and log_odds > 0.0)):
         joined = Localization(
             keyframe=keyframe, pose_keyframe_scan=found.pose_keyframe_scan, is_measured=found.is_fully_observed
         )
@@ -68,7 +65,7 @@ def settle_gap(o: Observation, placement: Placement, *, is_counted: bool = True)
         return with_keyframe(o, replace(placement, match=found.result, reference=keyframe.index))
     if not is_last:
         return replace(placement, gap=replace(gap, n_scans=n_scans, log_odds=log_odds))
-    if o.prediction.is_measured or log_odds >= _LIKELY:  # wheels or the motions since carried the track
+    if o.prediction.is_measured or log_odds > 0.0:  # wheels or the motions since carried the track
         return replace(placement, gap=None)
     return with_keyframe(o, _lost(placement, gap))
 
@@ -84,7 +81,7 @@ def question_link(o: Observation, placement: Placement, last: Localization) -> P
         return None
     x, y, theta = o.expected.pose.tolist()
     is_near = math.hypot(x, y) < _NEAR_M and abs(theta) < _NEAR_RAD
-    is_doubtful = _log_odds(result.confidence) < _CERTAIN or result.score < config.least_score
+    is_doubtful = result.confidence < SURE or result.score < config.least_score
     if not (is_near and is_doubtful and result.score < _SHARE * o.state.score):
         return None
     gap = open_gap(o, last, _log_odds(result.confidence))
@@ -115,17 +112,8 @@ def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMa
             best, keyframe = gated, one
             said = _log_odds(result.confidence)
         elif best is None and not result.ok:
-            said = max(said, _odds_of_failed(result))
+            said = max(said, min(log_odds_of_best(result), 0.0) if result.candidates else _NOTHING)
     return best, said, keyframe
-
-
-def _odds_of_failed(result: MatchResult) -> float:
-    """Return the log odds of the best pose of a match that failed, at most 0."""
-    if not result.candidates:
-        return _NOTHING
-    first, *others = (candidate.log_odds for candidate in result.candidates)
-    against = math.exp(-first) + sum(math.exp(other - first) for other in others)
-    return max(min(-math.log(against), 0.0), -_CERTAIN)
 
 
 def _lost(placement: Placement, gap: Gap) -> Placement:

@@ -6,13 +6,15 @@ direction or between poses, stands in the candidates of a match.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from curvescan.matchers import Candidate, MatchResult, PreparedScan, prepare
 from curvescan.matchers.registry import Matcher, MatcherConfig
+from curvescan.matchers.result import Outcome
 from curvescan.odometry.config import MotionConfig, OdometryConfig
 from curvescan.odometry.motion_model import Prediction
 from curvescan.scan import LaserScan
@@ -24,6 +26,10 @@ about by chance."""
 
 _OPEN = 100.0
 """Standard deviation of what is not measured, metres: more than any prediction errs."""
+
+_NEAR = 0.3
+"""Metres along an open direction from which on a pose was compared where the sensor is not: so far from there the
+expectation may be."""
 
 _VAGUE_SIGMA = 0.08
 """Standard deviation of what is expected along a degenerate direction from which on the scans are matched without a
@@ -155,11 +161,13 @@ class Matching:
         motion = self.config.motion
         result = self.matcher.match(reference.features, current.features, expected)
         measured = None
-        if motion.is_fused and result.ok and is_vague_along(expected, result):
-            # without a guess, where the scans do not show by themselves the place along the open direction
-            is_own = not result.is_guess_decisive and _is_placed(result.candidates[0])
-            own = result if is_own else self.matcher.match(reference.features, current.features, None)
-            measured = unguided_measurement(own)
+        if motion.is_fused:
+            result = decided_by_expectation(result, expected, motion)
+            if result.ok and is_vague_along(expected, result):
+                # without a guess, where the scans do not show by themselves the place along the open direction
+                is_own = not result.is_guess_decisive and _is_placed(result.candidates[0])
+                own = result if is_own else self.matcher.match(reference.features, current.features, None)
+                measured = unguided_measurement(own)
         return gate(result, expected, motion, repeated, measured)
 
     def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
@@ -195,6 +203,43 @@ def unguided_measurement(result: MatchResult) -> UncertainPose | None:
     return UncertainPose(best.pose, best.covariance) if _is_placed(best) else None
 
 
+def decided_by_expectation(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> MatchResult:
+    """Return a match that failed as a good one where its best pose explains the scans and lies where expected.
+
+    Without a guess such a pose would be one of several, or chance. Of scans of one place in a row it is right.
+    """
+    if result.ok or not result.candidates or not result.score >= config.expected_score:
+        return result
+    best = result.candidates[0]
+    direction, near = best.degenerate_direction, best.covariance
+    if _n_known(best) < (3 if direction is None else 2):
+        return result
+    if direction is not None and not _is_placed(best):
+        near = near - (1.0 - _NEAR**2) * np.outer(direction, direction)
+    if fuse(expected, UncertainPose(best.pose, near))[1] > config.motion_gate_chi2:
+        return result
+    return replace(
+        result,
+        outcome=Outcome.MATCHED,
+        pose=best.pose,
+        covariance=best.covariance,
+        n_matched=best.n_matched,
+        degenerate_direction=direction,
+        confidence=1.0 / (1.0 + math.exp(-log_odds_of_best(result))),
+    )
+
+
+def log_odds_of_best(result: MatchResult) -> float:
+    """Return the log odds that the first candidate of a match is right, and neither another nor nothing."""
+    best, *others = (candidate.log_odds for candidate in result.candidates)
+    return -math.log(math.exp(-best) + sum(math.exp(other - best) for other in others))
+
+
+def _n_known(best: Candidate) -> int:
+    """Return along how many directions the scans measure a candidate."""
+    return int(np.linalg.matrix_rank(best.information, tol=_OPEN**-2, hermitian=True))
+
+
 def _is_placed(best: Candidate) -> bool:
     """Return whether the scans measure all of a candidate: along a degenerate direction by its best place."""
-    return int(np.linalg.matrix_rank(best.information, tol=_OPEN**-2, hermitian=True)) == len(best.pose)
+    return _n_known(best) == len(best.pose)

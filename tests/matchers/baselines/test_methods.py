@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -202,12 +201,6 @@ def test_no_lines_and_no_agreement_are_outcomes():
     assert cs.match(a, b, method="histogram", config=strict).outcome is cs.Outcome.NO_AGREEMENT
     narrow = HistogramConfig(max_rotation=math.radians(2.0))
     assert cs.match(a, b, method="histogram", config=narrow).outcome is cs.Outcome.NO_AGREEMENT
-
-
-def test_icp_without_scipy_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "scipy.spatial", None)
-    with pytest.raises(cs.MissingPackageError, match="pip install scipy"):
-        cs.match(room_scan(), room_scan(), method="icp")
 
 
 @pytest.mark.parametrize(

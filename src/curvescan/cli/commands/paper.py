@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from curvescan.cli.console import ERR, OUT, load_usable_methods, run_display, show
+from curvescan.cli.console import ERR, OUT, load_methods, run_display, show
 from curvescan.cli.options import LaserPose, SensorName, in_radians
 from curvescan.errors import InvalidArgumentError
 from curvescan.io import output_folder, read_log, read_relations, write_config
@@ -175,10 +175,9 @@ def experiments(
     sources = [read_log(path) for path in logs]
     known = [read_relations(path) for path in relations]
     with output_folder(out) as folder:
-        methods = load_usable_methods()
+        load_methods()
         with run_display("steps") as display:
             results = run_experiments(
-                methods=methods,
                 logs=sources,
                 relations=known,
                 laser_pose=mount,
@@ -222,11 +221,9 @@ def bench(
 
     sources = [read_log(path) for path in logs]
     with nullcontext() if out is None else output_folder(out) as folder:
-        methods = load_usable_methods()
+        load_methods()
         with run_display("steps") as display:
-            tables = run_benchmark(
-                methods=methods, n_pairs=pairs, n_runs=runs, logs=sources, seed=seed, progress=display.begin
-            )
+            tables = run_benchmark(n_pairs=pairs, n_runs=runs, logs=sources, seed=seed, progress=display.begin)
         if folder is not None:
             text = "\n".join(table.markdown() for table in tables)
             (folder / "bench.md").write_text(text, encoding="utf-8", newline="\n")

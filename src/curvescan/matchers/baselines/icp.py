@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import MissingPackageError
 from curvescan.matchers.baselines.config import IcpConfig
 from curvescan.matchers.baselines.iteration import keep_best
 from curvescan.matchers.baselines.outcome_checks import Iteration, has_surfaces, match_by_iteration
@@ -44,11 +43,9 @@ class IcpMatcher:
 
     def prepare(self, scan: LaserScan) -> IcpFeatures:
         """Return the readings of a scan, and the k-d tree in which the nearest of them is found."""
+        from scipy.spatial import cKDTree  # loaded when it is used, for the other matchers need none
+
         points = sweep_of(scan)
-        try:  # loaded when it is used, for the other matchers need none
-            from scipy.spatial import cKDTree
-        except ImportError as error:
-            raise MissingPackageError('method "icp" needs SciPy: pip install scipy') from error
         return IcpFeatures(points, cKDTree(points.points))
 
     def can_be_reference(self, features: IcpFeatures) -> bool:
