@@ -182,8 +182,8 @@ NAMED = (
     _named(
         "views of one place are independent witnesses",
         "slam/loops/agreement.py",
-        "share = min(new / _VIEW_M, 1.0)",
-        "share = 1.0",
+        "total += float(new[k] / _VIEW_M * said[k])",
+        "total += float(said[k])",
         "slam/test_agreement.py",
     ),
     _named(
