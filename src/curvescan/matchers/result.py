@@ -17,8 +17,8 @@ WIDE_SIGMA = (2.0, 2.0, 2.0)
 """Standard deviations about standing still that hold where nothing is known: metres, metres, radians."""
 
 WIDE_PRIOR = UncertainPose(np.zeros(3), np.diag(np.square(WIDE_SIGMA)))
-_GUESS_COVARIANCE = np.diag(np.square(GUESS_SIGMA))
-_GUESS_COVARIANCE.setflags(write=False)
+GUESS_COVARIANCE = np.diag(np.square(GUESS_SIGMA))
+GUESS_COVARIANCE.setflags(write=False)
 
 _MAX = 1e6  # metres, radians: no laser sees as far
 _ASYMMETRY = 1e-9  # of the greatest element: what rounding leaves
@@ -29,7 +29,7 @@ def prior_of(prior: UncertainPose | None, guess: ArrayLike | None, name: str = "
     if guess is not None:
         if prior is not None:
             raise InvalidArgumentError("prior and guess say the same: give one of them")
-        return UncertainPose(_as_pose(guess, name or "guess"), _GUESS_COVARIANCE)
+        return UncertainPose(_as_pose(guess, name or "guess"), GUESS_COVARIANCE)
     if prior is None:
         return None
     name = name or "prior"

@@ -104,7 +104,7 @@ def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMa
     for one in gap.before:
         expected = placement.localization.relative_to(one)
         expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
-        # the odds of a gap's matches are added: the expectation is the same in all, and must not count in each
+        # the expectation is the same in all matches of a gap, and must not count in each
         known = UncertainPose(expected.pose, WIDE_PRIOR.cov)
         result = o.matching.matcher.match(one.scan.features, placement.current.features, known)
         gated = gate(result, expected, o.config.motion)

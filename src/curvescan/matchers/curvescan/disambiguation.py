@@ -44,7 +44,7 @@ _SHARE = 0.7
 _LEAST_SHIFT = 0.5
 _MAX_CANDIDATES = 8
 _BOX = 2.3  # metres from corner to corner of what agrees: in less a robot turns round
-_STILL = -0.015  # log odds of the prior from which on it speaks for the pose there: 0.3 m, 15 degrees
+_STILL = -0.015  # log odds of the prior from which on it speaks for the pose there: 0.35 m, 20 degrees
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers import PreparedScan
-from curvescan.matchers.result import GUESS_SIGMA, WIDE_PRIOR
+from curvescan.matchers.result import GUESS_COVARIANCE, WIDE_PRIOR
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import GATE, SlamConfig
@@ -26,7 +26,6 @@ from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Points, Pose
 
-_GUESS = np.diag(np.square(GUESS_SIGMA))
 _REACH_M = 8.0
 """Keyframes farther away are not matched, metres; one half as far comes behind a near one that shares half as much."""
 
@@ -79,10 +78,10 @@ class MapMatcher:
         if not len(order):
             return [], False
         current = self._keyframes.prepare(scan)
+        known = GUESS_COVARIANCE if is_known else WIDE_PRIOR.cov
         hits: list[Hit] = []
         for row in order.tolist():
-            guess = UncertainPose(relative[row], _GUESS if is_known else WIDE_PRIOR.cov)
-            hit = self._hit(int(near[row]), current, guess)
+            hit = self._hit(int(near[row]), current, UncertainPose(relative[row], known))
             if hit is not None and _agree(self.seen_from(expected, seen_from, hit), hit):
                 hits.append(hit)
                 if len(hits) == _N_FUSED:
