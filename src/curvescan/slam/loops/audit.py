@@ -13,7 +13,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.agreement import agreements, largest_clique
-from curvescan.slam.loops.closures import SLIP, SURE, Closure, difference, expectation_of
+from curvescan.slam.loops.closures import SURE, Closure, difference, expectation_of
 from curvescan.slam.loops.cycles import Chain
 from curvescan.types import Floats, Ints, Pose
 
@@ -84,7 +84,7 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
     found: list[list[Closure]] = []
     while rest:
         near = [c for c in rest if abs(c.j - rest[0].j) <= N_NEAR and abs(c.i - rest[0].i) <= N_NEAR]
-        members = set(largest_clique(agreements(near, chain, config, 0.0)).tolist())
+        members = set(largest_clique(agreements(near, chain, config)).tolist())
         group = [c for k, c in enumerate(near) if k in members]
         if rest[0] not in group:
             group = rest[:1]
@@ -95,10 +95,9 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
 
 
 def _held_against(closure: Closure, poses: Pose, config: SlamConfig) -> Closure | None:
-    """Return a match that a map contradicts by no more than a way may have slipped: else it shows another place."""
+    """Return a match with its expectation; None where the map does not contradict it."""
     off = difference(se2.between(poses[closure.i], poses[closure.j]), closure.pose)
     cov = closure.covariance + config.noise.spread
-    is_off = off @ np.linalg.solve(cov, off) > GATE
-    if not (is_off and off @ np.linalg.solve(cov + SLIP, off) < GATE):
+    if off @ np.linalg.solve(cov, off) < GATE:
         return None
-    return replace(closure, expectation=expectation_of(off, cov))
+    return replace(closure, expectation=expectation_of(off, cov, config))
