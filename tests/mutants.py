@@ -166,9 +166,9 @@ NAMED = (
         "slam/test_closures.py",
     ),
     _named(
-        "doubtful views from afar count",
+        "views from afar err no more than they say",
         "slam/loops/closures.py",
-        "if is_afar and result.confidence < SURE:",
+        "if is_loop(i, j) and not is_near(expected, config):",
         "if False:",
         "slam/test_closures.py",
     ),

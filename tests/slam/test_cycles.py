@@ -51,9 +51,10 @@ def test_it_is_that_of_composing_and_fusing_the_poses_of_the_cycle() -> None:
     roots = 0.02 * rng.standard_normal((n_poses, 3, 3))
     motions = roots @ roots.transpose(0, 2, 1)
     gathered = gathered_covariances(poses, motions)
-    found = cycle_distances(ends, measured, covariances, poses, gathered, _SPREAD, 0.5)
-    twin = _twin(ends, measured, covariances, poses, motions)
-    np.testing.assert_allclose(found, twin, rtol=1e-6)
+    for known, counted in ((np.inf, motions), (0.0, 0.0 * motions)):
+        found = cycle_distances(ends, measured, covariances, poses, gathered, _SPREAD, 0.5, known)
+        twin = _twin(ends, measured, covariances, poses, counted)
+        np.testing.assert_allclose(found, twin, rtol=1e-6)
 
 
 def test_true_closures_agree_and_one_that_is_a_metre_off_with_none() -> None:

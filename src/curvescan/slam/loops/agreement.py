@@ -39,33 +39,42 @@ def log_odds_of(group: list[Closure], known: list[Closure], chain: Chain, config
     """Return the log odds of closures that agree, less those of the known ones that contradict them."""
     pool = [*known, *group]
     members, others = np.arange(len(known), len(pool)), np.arange(len(known))
-    against = _contradicting(others, members, agreements(pool, chain, config))
+    against = _contradicting(pool, others, members, agreements(pool, chain, config, 0.0), chain, config)
     return _odds(pool, members, chain) - max(_odds(pool, against, chain), 0.0)
 
 
 def best_group(pool: list[Closure], chain: Chain, config: SlamConfig) -> tuple[Group, float]:
-    """Return the set that the last closure of a pool belongs to, and the log odds of the best one that contradicts it."""
-    agrees = agreements(pool, chain, config)
+    """Return the set that the last closure of a pool belongs to, and the log odds of the best one that contradicts it.
+
+    The ways between closures count up to where they would guide a match.
+    """
+    agrees = agreements(pool, chain, config, config.closures.certain_m)
     last = len(pool) - 1
     friends = np.flatnonzero(agrees[last, :last])
     members = np.append(friends[largest_clique(agrees[np.ix_(friends, friends)])], last)
     others = np.setdiff1d(np.arange(last), members)
-    against = _contradicting(others, members, agrees)
+    against = _contradicting(pool, others, members, agrees, chain, config)
     return Group(members.tolist(), _odds(pool, members, chain)), _odds(pool, against, chain)
 
 
-def _contradicting(others: Ints, members: Ints, agrees: Bools) -> Ints:
-    """Return the largest set of others that contradict most of the members."""
-    others = others[agrees[np.ix_(others, members)].mean(axis=1) < 0.5]
+def _contradicting(
+    pool: list[Closure], others: Ints, members: Ints, agrees: Bools, chain: Chain, config: SlamConfig
+) -> Ints:
+    """Return the largest set of others that contradict most of the members, however the ways between may have erred."""
+    is_possible = agreements(pool, chain, config, np.inf)[np.ix_(others, members)]
+    others = others[is_possible.mean(axis=1) < 0.5]
     return np.asarray(others[largest_clique(agrees[np.ix_(others, others)])])
 
 
-def agreements(pool: list[Closure], chain: Chain, config: SlamConfig) -> Bools:
-    """Return (n, n) whether the cycle through two closures closes within its covariance."""
+def agreements(pool: list[Closure], chain: Chain, config: SlamConfig, known: float) -> Bools:
+    """Return (n, n) whether the cycle through two closures closes within its covariance.
+
+    known: Standard deviation up to which the ways between closures count, metres.
+    """
     ends = np.array([(c.i, c.j) for c in pool], dtype=np.int64)
     measured, covariances = np.array([c.pose for c in pool]), np.array([c.covariance for c in pool])
     spread, step = np.diagonal(config.noise.spread).copy(), config.keyframes.distance
-    return np.asarray(cycle_distances(ends, measured, covariances, *chain, spread, step) < GATE)
+    return np.asarray(cycle_distances(ends, measured, covariances, *chain, spread, step, known) < GATE)
 
 
 def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:

@@ -13,12 +13,15 @@ import numpy as np
 from curvescan import se2
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.agreement import agreements, largest_clique
-from curvescan.slam.loops.closures import SURE, Closure, difference, expectation_of
+from curvescan.slam.loops.closures import Closure, difference, expectation_of
 from curvescan.slam.loops.cycles import Chain
 from curvescan.types import Floats, Ints, Pose
 
 _N_KEYFRAMES = 5
 """Keyframes whose matches must agree: three did on a good map of Killian, ten and more do on bent ones."""
+
+_SURE = 0.9
+"""Confidence from which on a match may contradict the finished map: right in 99.9 %."""
 
 N_NEAR = 20
 """Keyframes between closures that may speak for or against each other."""
@@ -78,13 +81,13 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
     Each has the expectation of a map whose ways may have slipped. Those of a set are near each other along the path:
     matches of far stretches agree by chance, as nothing is known of the way between.
     """
-    sure = (_held_against(c, poses, config) for c in tried if c.confidence >= SURE)
+    sure = (_held_against(c, poses, config) for c in tried if c.confidence >= _SURE)
     rest = sorted((c for c in sure if c is not None), key=lambda c: (c.j, c.i))
     chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
     found: list[list[Closure]] = []
     while rest:
         near = [c for c in rest if abs(c.j - rest[0].j) <= N_NEAR and abs(c.i - rest[0].i) <= N_NEAR]
-        members = set(largest_clique(agreements(near, chain, config)).tolist())
+        members = set(largest_clique(agreements(near, chain, config, 0.0)).tolist())
         group = [c for k, c in enumerate(near) if k in members]
         if rest[0] not in group:
             group = rest[:1]

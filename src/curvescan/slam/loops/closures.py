@@ -28,9 +28,6 @@ SIGMAS = 3.0
 _OPEN = 100.0
 """Standard deviation of a way that is not measured, metres."""
 
-SURE = 0.9
-"""Confidence from which on a match counts from afar, and may contradict the finished map: right in 99.9 %."""
-
 _ERROR_AFAR = 0.03
 """Share of the distance by which views from afar err, more than they say: 0.1 to 0.2 m at 3 to 5 m on Killian."""
 
@@ -57,7 +54,6 @@ class ClosureOutcome(Enum):
     AGREED = "Others agree with it, and together they are likelier than anything that contradicts them."
     WAITING = "It waits for others that agree with it."
     NO_MATCH = "The scans do not match."
-    LOW_CONFIDENCE = "The match is too likely to be wrong."
     UNEXPECTED = "The match lies where the graph does not expect it, and is not likely enough alone."
 
 
@@ -147,16 +143,12 @@ def closure_of(
     if not result.ok:
         return tried
     found = measured(result)
-    is_afar = is_loop(i, j) and not is_near(expected, config)
-    if is_afar:
+    if is_loop(i, j) and not is_near(expected, config):
         error = _ERROR_AFAR * math.hypot(found.pose[0], found.pose[1])
         found = UncertainPose(found.pose, found.cov + np.diag([error**2, error**2, 0.0]))
     distance = fuse(expected, found)[1]
     expectation = expectation_of(difference(expected.pose, found.pose), expected.cov + found.cov, config)
     tried = replace(tried, covariance=config.noise.edge(found.cov), distance=distance, expectation=expectation)
-    # what is seen from afar and is not sure is often the room beside, which the graph's guess led to
-    if is_afar and result.confidence < SURE:
-        return replace(tried, outcome=ClosureOutcome.LOW_CONFIDENCE)
     if expectation + log_odds(tried) > config.closures.log_odds:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
     # between neighbours there is no loop to close, and what leaves a direction open agrees with the next room as well

@@ -29,13 +29,14 @@ class Chain(NamedTuple):
 
 @kernel
 def cycle_distances(
-    ends: Ints, measured: Pose, covariances: Cov, poses: Pose, gathered: Cov, spread: Floats, step: float
+    ends: Ints, measured: Pose, covariances: Cov, poses: Pose, gathered: Cov, spread: Floats, step: float, known: float
 ) -> Floats:
     """Return (n, n) squared Mahalanobis distance by which the cycle through each two closures does not close.
 
     ends (n, 2), measured (n, 3), covariances (n, 3, 3): of the closures; poses (k, 3), gathered (k, 3, 3): of all
     keyframes, see :class:`Chain`; spread (3,): variances of an edge, of which each `step` metres between two keyframes
-    take one.
+    take one; known: standard deviation up to which the motions of a way count, metres. One known no better is taken to
+    err as edges usually do: the next room would agree with it as well.
     """
     n = len(ends)
     found = np.zeros((n, n))
@@ -43,7 +44,7 @@ def cycle_distances(
         for b in range(a):
             found[a, b] = found[b, a] = _cycle_distance(
                 ends[a], measured[a], covariances[a], ends[b], measured[b], covariances[b],
-                poses, gathered, spread, step,
+                poses, gathered, spread, step, known,
             )  # fmt: skip
     return found
 
@@ -62,7 +63,7 @@ def _n_edges(x: float, y: float, step: float, is_same: bool) -> float:
 
 @kernel
 def _by_chain(
-    gathered: Cov, a: int, b: int, x: float, y: float, heading: float
+    gathered: Cov, a: int, b: int, x: float, y: float, heading: float, known: float
 ) -> tuple[float, float, float, float, float, float]:
     """Return the covariance (xx, xy, yy, xt, yt, tt) of the motions from a to b, seen by a frame of a heading."""
     way = gathered[max(a, b)] - gathered[min(a, b)]
@@ -70,6 +71,8 @@ def _by_chain(
     xx = way[0, 0] - y * (way[0, 2] + h0)
     xy = way[0, 1] + x * way[0, 2] - y * h1
     yy = way[1, 1] + x * (way[1, 2] + h1)
+    if max(xx, yy) > known * known:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     c, s = math.cos(heading), math.sin(heading)
     return (
         c * c * xx + 2.0 * c * s * xy + s * s * yy,
@@ -84,7 +87,7 @@ def _by_chain(
 @kernel
 def _cycle_distance(
     ends_1: Ints, pose_1: Pose, cov_1: Cov, ends_2: Ints, pose_2: Pose, cov_2: Cov,
-    poses: Pose, gathered: Cov, spread: Floats, step: float,
+    poses: Pose, gathered: Cov, spread: Floats, step: float, known: float,
 ) -> float:  # fmt: skip
     """Return how far i2 -> i1 -> j1 -> j2 is from the second closure: squared Mahalanobis distance."""
     xi, yi, ti = _between(poses[ends_2[0]], poses[ends_1[0]])
@@ -111,9 +114,9 @@ def _cycle_distance(
     start, end = poses[ends_2[0]], poses[ends_2[1]]
     c, s = math.cos(start[2]), math.sin(start[2])
     x2, y2 = start[0] + c * (xi + dx) - s * (yi + dy), start[1] + s * (xi + dx) + c * (yi + dy)
-    gi = _by_chain(gathered, ends_2[0], ends_1[0], x2, y2, start[2])
+    gi = _by_chain(gathered, ends_2[0], ends_1[0], x2, y2, start[2], known)
     seen_by_j = end[2] - tj - pose_1[2] - ti
-    gj = _by_chain(gathered, ends_1[1], ends_2[1], end[0], end[1], seen_by_j)
+    gj = _by_chain(gathered, ends_1[1], ends_2[1], end[0], end[1], seen_by_j, known)
     b00 = ci * (ci * a00 - si * a01) - si * (ci * a01 - si * a11)
     b01 = si * (ci * a00 - si * a01) + ci * (ci * a01 - si * a11)
     b11 = si * (si * a00 + ci * a01) + ci * (si * a01 + ci * a11)
