@@ -102,7 +102,7 @@ class GrowingMap:
             if distance < GATE:
                 step = fused
                 if result.degenerate_direction is None:
-                    self._open_way, kind = 0.0, EdgeKind.MATCH
+                    step, self._open_way, kind = found, 0.0, EdgeKind.MATCH
             else:
                 off = difference(step.pose, found.pose)
                 step = UncertainPose(step.pose, step.cov + np.outer(off, off))
