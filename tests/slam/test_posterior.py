@@ -7,11 +7,28 @@ import pytest
 
 from curvescan import se2
 from curvescan.slam.pose_graph.optimization import optimize, squared_distances
-from curvescan.slam.pose_graph.posterior import heading_drift, variance_factor, without_floor
+from curvescan.slam.pose_graph.posterior import design_effect, heading_drift, variance_factor, without_floor
 from tests.slam.graphs import loop, measured_edges
 
 N = 60
 ENDS = [(i, j) for i in range(N) for j in range(i + 1, min(i + 6, N))]
+
+
+def test_matches_of_one_scan_say_less_the_more_alike_they_err() -> None:
+    chain = np.array([(k, k + 1) for k in range(9)])
+    assert np.array_equal(design_effect(chain, np.ones(9, dtype=bool), 10, 0.6), np.ones(9))
+    ends = np.array(ENDS)
+    # in the middle five edges to earlier keyframes, five to later ones
+    middle = (ends[:, 0] > 10) & (ends[:, 1] < N - 10)
+    for correlation, expected in ((0.0, 1.0), (0.6, 3.4), (1.0, 5.0)):
+        found = design_effect(ends, np.ones(len(ends), dtype=bool), N, correlation)
+        np.testing.assert_allclose(found[middle], expected)
+
+
+def test_edges_that_are_no_matches_have_no_design_effect() -> None:
+    ends = np.array([(0, 1), (0, 1), (0, 1)])
+    is_match = np.array([True, True, False])
+    assert design_effect(ends, is_match, 2, 1.0).tolist() == [1.0, 1.0, 1.0]
 
 
 def test_the_floor_is_taken_out_again_and_leaves_covariances_positive() -> None:

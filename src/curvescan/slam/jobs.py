@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from curvescan.slam.config import GATE, NoiseConfig
+from curvescan.slam.config import GATE, KEPT, NoiseConfig
 from curvescan.slam.loops.belief import UNKNOWN
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, anchors_of, components
 from curvescan.slam.pose_graph.marginals import marginal_covariances
 from curvescan.slam.pose_graph.optimization import Edges, information_matrix, squared_distances
-from curvescan.slam.pose_graph.posterior import heading_drift, variance_factor, without_floor
+from curvescan.slam.pose_graph.posterior import design_effect, heading_drift, variance_factor, without_floor
 from curvescan.slam.pose_graph.robust import RobustOptimum, optimize_robustly
 from curvescan.types import Cov, Floats, Ints, Pose
 
@@ -95,7 +95,8 @@ def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
     labels = components(ends[weights > 0.0], len(poses))
     off = squared_distances(poses, Edges.of(ends, solved.measured, covariances))
     factor = variance_factor(off[is_match], len(poses) - int(labels.max()) - 1)
-    scaled = covariances * np.where(is_match, factor, 1.0)[:, np.newaxis, np.newaxis]
+    by = np.where(is_match, factor, 1.0) * design_effect(ends, is_match, len(poses), 1.0 - KEPT)
+    scaled = covariances * by[:, np.newaxis, np.newaxis]
     scaled[:, 2, 2] += heading_drift(ends, solved.measured, len(poses))
     anchors = anchors_of(labels)
     anchors[labels[k]] = k

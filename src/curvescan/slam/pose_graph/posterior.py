@@ -1,6 +1,9 @@
-"""Covariances of the poses in the optimum, by the residuals.
+"""Covariances of the poses in the optimum, by the residuals, with noise that edges share.
 
-The edges' covariances may be too large or too small as a whole: their residuals in the optimum tell (the variance of
+The marginals of the information matrix are too small where a keyframe has many edges: the noise of its scan is in all
+of them. The errors of its K matches have a correlation r, so the variance of their mean is (1 + (K - 1) r) / K of that
+of one (the design effect of surveys, Kish 1965), and the covariance of each is to be multiplied by 1 + (K - 1) r. And
+the edges' covariances may be too large or too small as a whole: their residuals in the optimum tell (the variance of
 unit weight, as in geodesy). The floor that an edge has so that matches which claim too much do not rule the optimum is
 no part of it: of clean scans it is several times their error.
 """
@@ -9,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.types import Cov, Floats, Ints, Pose
+from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
 _PRIOR = 30.0
 """Degrees of freedom that the covariances as they are count for: of few residuals nothing is concluded."""
@@ -31,6 +34,15 @@ def without_floor(covariances: Cov, floor: Cov) -> Cov:
     values = np.maximum(values, _LEAST_VARIANCE)
     found: Cov = (vectors * values[:, np.newaxis]) @ vectors.transpose(0, 2, 1)
     return found
+
+
+def design_effect(ends: Ints, is_match: Bools, n_poses: int, correlation: float) -> Floats:
+    """Return the (m,) factors of covariances of edges, (m, 2), as other matches of their scans err alike."""
+    degrees = np.bincount(ends[is_match].ravel(), minlength=n_poses)
+    # half of the matches of a keyframe are with earlier ones; the mean of both ends
+    n_alike = (degrees[ends[:, 0]] + degrees[ends[:, 1]]) / 4
+    effect = 1.0 + (np.maximum(n_alike, 1.0) - 1.0) * correlation
+    return np.where(is_match, effect, 1.0)
 
 
 def heading_drift(ends: Ints, measured: Pose, n_poses: int) -> Floats:
