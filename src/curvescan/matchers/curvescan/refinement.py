@@ -88,8 +88,7 @@ def accumulate(
             continue
         extra = sigma_extra + slack_slope * surfels_b[j, RANGE]
         variance = va + vb + extra * extra
-        u2 = e * e / variance
-        if u2 > _OUTLIER_CHI2:
+        if e * e > _OUTLIER_CHI2 * variance:
             continue
         reach = REACH + SURE_SIGMAS * extra
         spread = REACH * surfels_b[j, RANGE]
@@ -101,7 +100,7 @@ def accumulate(
         mx, my = turned_back(mx, my, motion) if way < 0.0 else turned(mx, my, motion)
         if mx * nx + my * ny < _FACING:
             continue
-        weight = 1.0 / variance
+        weight, u2 = 1.0 / variance, e * e / variance
         if u2 > _KNEE_CHI2:
             left, whole = _OUTLIER_CHI2 - u2, _OUTLIER_CHI2 - _KNEE_CHI2
             weight *= left * left / (whole * whole)

@@ -248,7 +248,7 @@ class WeighedPoses:
             return 1.0
         share = min(1.0, (own[EXCESS] + _EXCESS_FLOOR) / (best[EXCESS] + _EXCESS_FLOOR))
         share *= min(1.0, (own[WEAKEST] + _WEAKEST_FLOOR) / (best[WEAKEST] + _WEAKEST_FLOOR))
-        contradicted = sum(max(own[one] - best[one], 0.0) for one in (SEEN_THROUGH, SMALL))
+        contradicted = max(own[SEEN_THROUGH] - best[SEEN_THROUGH], 0.0) + max(own[SMALL] - best[SMALL], 0.0)
         allowed = _CONTRADICTED * max(own[AGREEING], _FLOOR)
         share = math.sqrt(max(share, 0.0)) * max(0.0, 1.0 - contradicted / allowed)
         return float(share)

@@ -55,16 +55,16 @@ def score_samples(
         limit = tolerance + slope * surfels[j, RANGE]
         noise2 = max(samples[k, VARIANCE], 0.0) + max(surfels[j, VARIANCE], 0.0)
         limit2 = max(limit * limit, LIKELY_SIGMAS * LIKELY_SIGMAS * noise2)
-        badness = across * across / limit2
         ux, uy = qx - surfels[j, X], qy - surfels[j, Y]
         along = ALONG * surfels[j, SPACING]
-        if badness < 1.0 and ux * ux + uy * uy < _REACH2 * limit2 + along * along:
+        # no quotient or root stands before a branch, which would wait for it
+        if across * across < limit2 and ux * ux + uy * uy < _REACH2 * limit2 + along * along:
             mx, my = turned(samples[k, NX], samples[k, NY], motion)
             alike = surfels[j, NX] * mx + surfels[j, NY] * my
             if alike > 0.0:
-                score += (1.0 - badness) * alike
+                score += (1.0 - across * across / limit2) * alike
                 continue
-        front = surfels[j, RANGE] - 2.0 * math.sqrt(limit2)
+        front = surfels[j, RANGE] - 2.0 * (limit if limit2 == limit * limit else math.sqrt(limit2))
         if not is_seen_through(qx, qy, front):
             continue
         # between two beams the nearer surface may reach as far as the other beam
