@@ -98,7 +98,7 @@ def test_a_place_is_sure_where_what_is_said_and_how_far_it_is_ahead_are_enough(
 @pytest.mark.parametrize(
     ("best", "other", "is_sure"),
     [
-        (_place(0.0, 1.3, 0.15), _place(3.0, 0.8, 0.1), True),
+        (_place(0.0, 1.4, 0.15), _place(3.0, 0.6, 0.1), True),
         (_place(0.0, 1.3, 0.15), _place(3.0, 1.0, 0.1), False),
         (_place(0.0, 2.5, 0.15), _place(3.0, 2.45, 0.1), False),  # views that say the same of both do not help
         (_place(0.0, 2.0, -0.02), _place(3.0, 0.3, -0.1), False),  # it has driven out of the map since
