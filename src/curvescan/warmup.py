@@ -143,7 +143,7 @@ def _map_and_localize(method: str, laps: Pose) -> None:
     # keyframes that stand near, go soon, and close loops only where several agree
     often = SlamConfig(
         keyframes=KeyframesConfig(distance=0.1),
-        places=PlacesConfig(n_keyframes=1, n_newest=4),
+        places=PlacesConfig(n_keyframes=1),
         closures=ClosuresConfig(log_odds=20.0),
     )
     slam = Slam(method, config=often)

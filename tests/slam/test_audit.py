@@ -6,6 +6,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.slam.config import SlamConfig
+from curvescan.slam.loops.agreement import MOST_LOG_ODDS
 from curvescan.slam.loops.audit import Contradiction, contradictions, groups_against
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
 
@@ -33,15 +34,19 @@ def test_matches_of_five_keyframes_that_agree_contradict_the_map() -> None:
     np.testing.assert_allclose(found.off, [1.0, 0.5, 0.0], atol=1e-12)
 
 
-def test_what_disagrees_is_unsure_fits_the_map_or_shows_another_place_contradicts_nothing() -> None:
+def test_what_disagrees_is_unsure_or_fits_the_map_contradicts_nothing() -> None:
     disagreeing = [_refused(2 + k, 30 + k, [1.0 + k, 0.0, 0.0]) for k in range(5)]
     unsure = [_refused(2 + k, 30 + k, [1.0, 0.5, 0.0], confidence=0.8) for k in range(5)]
     fitting = [_refused(2 + k, 30 + k, [0.01, 0.0, 0.0]) for k in range(5)]
-    elsewhere = [_refused(2 + k, 30 + k, [60.0, 0.5, 0.0]) for k in range(5)]
-    for group in (unsure, fitting, elsewhere):
+    for group in (unsure, fitting):
         assert groups_against(group, POSES, CONFIG) == []
     assert [len(group) for group in groups_against(disagreeing, POSES, CONFIG)] == [1] * 5
     assert _said(disagreeing) == []
+
+
+def test_no_set_is_likely_that_puts_a_place_farther_away_than_ways_slip() -> None:
+    (group,) = groups_against([_refused(2 + k, 30 + k, [60.0, 0.5, 0.0]) for k in range(5)], POSES, CONFIG)
+    assert max(closure.expectation for closure in group) < -MOST_LOG_ODDS
 
 
 def test_one_keyframe_alone_contradicts_nothing() -> None:

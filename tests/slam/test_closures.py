@@ -57,27 +57,19 @@ def test_the_farther_off_and_the_vaguer_the_less_the_graph_speaks_for_it(result:
     assert by_offset == sorted(by_offset, reverse=True)
 
 
-def test_a_slip_costs_the_same_however_far_and_turns_little(result: MatchResult) -> None:
+def test_a_slip_costs_the_same_however_far_and_more_where_it_turns(result: MatchResult) -> None:
     one, another = (_tested(result, off, 0.02).expectation for off in (1.0, 3.7))
-    np.testing.assert_allclose([one, another], -8.3, atol=0.15)
+    np.testing.assert_allclose([one, another], -7.3, atol=0.15)
     # a corridor seen from its other end
-    assert _tested(result, 0.0, 0.02, turn=np.pi).expectation < -50.0
+    assert _tested(result, 0.0, 0.02, turn=np.pi).expectation < -12.0
 
 
-def test_a_match_that_is_likely_wrong_is_refused(result: MatchResult) -> None:
-    doubtful = dataclasses.replace(result, confidence=0.3)
-    assert _tested(doubtful).outcome is ClosureOutcome.LOW_CONFIDENCE
-
-
-def test_what_is_seen_from_afar_confirms_the_graph_where_it_is_sure(result: MatchResult) -> None:
+def test_what_is_seen_from_afar_errs_more_than_it_says(result: MatchResult) -> None:
     far = dataclasses.replace(result, pose=np.array([5.0, 0.3, np.pi]))
     assert _tested(far).outcome is ClosureOutcome.ACCEPTED
-    assert np.sqrt(_tested(far).covariance[0, 0]) > 0.05  # it errs more than it says
-    for pose, outcome in ((far.pose, ClosureOutcome.LOW_CONFIDENCE), (result.pose, ClosureOutcome.ACCEPTED)):
-        doubtful = dataclasses.replace(result, pose=pose, confidence=0.85)
-        assert _tested(doubtful).outcome is outcome
+    assert np.sqrt(_tested(far).covariance[0, 0]) > 0.05
     # keyframes that follow each other are far apart in some logs, and close no loop
-    assert _tested(dataclasses.replace(far, confidence=0.85), j=3).outcome is ClosureOutcome.ACCEPTED
+    assert np.sqrt(_tested(far, j=3).covariance[0, 0]) < 0.05
 
 
 def test_opposite_views_are_candidates_up_to_six_metres_where_the_graph_knows_them(hall: cs.Log) -> None:
@@ -92,11 +84,10 @@ def test_opposite_views_are_candidates_up_to_six_metres_where_the_graph_knows_th
         assert (2 in choose_candidates(relative, covariances, SlamConfig(), keyframes)) is is_chosen
 
 
-def test_a_matcher_without_a_confidence_is_judged_by_its_score(result: MatchResult) -> None:
-    silent = dataclasses.replace(result, confidence=float("nan"), score=0.9)
+def test_of_a_matcher_without_a_confidence_the_graph_decides(result: MatchResult) -> None:
+    silent = dataclasses.replace(result, confidence=float("nan"))
     assert _tested(silent).outcome is ClosureOutcome.ACCEPTED
-    poor = dataclasses.replace(silent, score=0.1)
-    assert _tested(poor).outcome is ClosureOutcome.LOW_CONFIDENCE
+    assert _tested(silent, 0.0, 2.0).outcome is ClosureOutcome.WAITING
 
 
 def test_what_a_match_leaves_open_says_nothing_and_stays_open(result: MatchResult) -> None:

@@ -48,12 +48,10 @@ class PlacesConfig:
     radius: float = 0.4
     """Keyframes this near to each other show the same place, metres; they also look the same way within as many
     radians."""
-    n_newest: int = 30
-    """The newest keyframes stay in any case."""
 
     def __post_init__(self) -> None:
         _require_positive(self, "radius")
-        _require_counts(self, "n_keyframes", "n_newest")
+        _require_counts(self, "n_keyframes")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,10 +109,6 @@ class ClosuresConfig:
     """Least share of two scans that must be common for them to be matched, foretold from where the graph has them."""
     matches_per_scan: int = 3
     """Matches made for each scan that is added; the rest waits."""
-    min_score: float = 0.25
-    """Least score of a match, in [0, 1], of a matcher that gives no confidence."""
-    min_confidence: float = 0.55
-    """Least confidence of a match: the probability that it is right."""
     log_odds: float = 8.0
     """Least log odds of a closure, or of a set of them that agree: its matches' own, where the graph expects it, less
     what contradicts it."""
@@ -122,8 +116,7 @@ class ClosuresConfig:
     def __post_init__(self) -> None:
         _require_positive(self, "reach", "certain_m", "log_odds")
         _require_counts(self, "matches_per_scan")
-        for name in ("min_overlap", "min_score", "min_confidence"):
-            require(0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in [0, 1]", getattr(self, name))
+        require(0.0 <= self.min_overlap <= 1.0, "min_overlap must lie in [0, 1]", self.min_overlap)
 
 
 @dataclass(frozen=True, kw_only=True)

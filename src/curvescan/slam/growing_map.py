@@ -6,6 +6,8 @@ poses, a loop closure those since it; places that hold too many keyframes lose t
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from curvescan import se2
@@ -15,7 +17,7 @@ from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.jobs import Problem, Solution, covariances_seen_from
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.belief import Belief
-from curvescan.slam.loops.closures import Closure, difference, is_confident, measured
+from curvescan.slam.loops.closures import Closure, difference, measured
 from curvescan.slam.loops.cycles import Chain
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, components
@@ -26,7 +28,7 @@ _MOST_VARIANCE = 30.0**2
 """Of a motion of which nothing is known, square metres: wider ones leave the information matrix without digits for the
 rest."""
 
-_NOTHING_KNOWN: Cov = np.diag([_MOST_VARIANCE, _MOST_VARIANCE, 10.0])
+_NOTHING_KNOWN: Cov = np.diag([_MOST_VARIANCE, _MOST_VARIANCE, math.pi**2])
 """(3, 3) covariance of such a motion."""
 
 
@@ -93,14 +95,14 @@ class GrowingMap:
         step = noise.slipped(UncertainPose(motion.pose, share * motion.cov), self._open_way)
         self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
         result, kind = self.keyframes.match(before, k, None), EdgeKind.MOTION
-        if result.ok and is_confident(result, self.config):
+        if result.ok:
             found = measured(result)
             found = UncertainPose(found.pose, noise.edge(found.cov))
             fused, distance = fuse(step, found)
             if distance < GATE:
                 step = fused
                 if result.degenerate_direction is None:
-                    self._open_way, kind = 0.0, EdgeKind.MATCH
+                    step, self._open_way, kind = found, 0.0, EdgeKind.MATCH
             else:
                 off = difference(step.pose, found.pose)
                 step = UncertainPose(step.pose, step.cov + np.outer(off, off))
@@ -166,7 +168,7 @@ class GrowingMap:
     def thin(self) -> tuple[Bools, list[int]]:
         """Let the oldest keyframes of places that hold too many go; return which rows stay, and the others' numbers."""
         rules, belief = self.config.places, self.belief
-        n_settled = min(belief.k, belief.n, self.graph.n_poses - rules.n_newest)
+        n_settled = min(belief.k, belief.n)
         is_kept, gone = thin(self.graph, np.asarray(self.fragments), n_settled, rules)
         numbers = self.keyframes.numbers.tolist()
         for v, (heir, seen) in gone.items():

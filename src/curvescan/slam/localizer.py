@@ -33,7 +33,6 @@ from curvescan.slam.localization.grid_map import opened, with_field
 from curvescan.slam.localization.matching import WORSE, Hit, MapMatcher, fused
 from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, Views, said
-from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.map import SlamMap
 from curvescan.slam.open_drive import UNMEASURED, between_steps
 
@@ -136,13 +135,12 @@ class Localizer:
         self._deskewer = self._deskewer.ticked(scan)
         is_unmeasured = step.outcome in UNMEASURED
         self._n_lost = self._n_lost + 1 if is_unmeasured else 0
-        is_doubtful = is_unmeasured or (step.match is not None and not is_confident(step.match, self.config))
-        self._is_torn |= is_doubtful
+        self._is_torn |= is_unmeasured
         if step.outcome is StepOutcome.LOST or self._n_lost >= self.config.keyframes.n_lost:
             self._here = None
         if self._prior is not None and not self._is_told:
             moved = self.config.noise.doubled(UncertainPose(step.motion, step.motion_covariance))
-            self._prior = self._prior.moved(moved, is_doubtful=is_doubtful)
+            self._prior = self._prior.moved(moved, is_doubtful=is_unmeasured)
         self._is_told = False
         if self._here is None or self._anchor is None:
             localized = self._look(scan, step)

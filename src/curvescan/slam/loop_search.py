@@ -46,11 +46,11 @@ _N_LOGGED = 50_000
 
 
 class Candidate(NamedTuple):
-    """Two keyframes to be matched, and where the graph expects j in the frame of i."""
+    """Two keyframes to be matched, and how well the graph knows j in the frame of i."""
 
     i: int
     j: int
-    expected: UncertainPose
+    covariance: Cov
 
 
 class LoopSearch:
@@ -70,11 +70,11 @@ class LoopSearch:
         growing, keyframes = self._map, self._map.keyframes
         for i in range(max(k - N_LINKED, 0), k - 1):
             if growing.fragments[i] == growing.fragments[k]:
-                self._queue.append(Candidate(i, k, growing.along(i, k)))
+                self._queue.append(Candidate(i, k, growing.along(i, k).cov))
         relative, covariances = growing.belief.seen_from_all(growing.graph.poses, growing.since)
         seen = keyframes.signature(keyframes.prepared(k))
         for i in choose_candidates(relative, covariances, self.config, keyframes, seen):
-            self._queue.append(Candidate(i, k, UncertainPose(relative[i], covariances[i])))
+            self._queue.append(Candidate(i, k, covariances[i]))
 
     def work(self, index: int) -> list[Closure]:
         """Match the share of the queue that is due with scan `index`, and return the closures accepted."""
@@ -105,7 +105,7 @@ class LoopSearch:
             relative[fragments[:k] != fragments[k], 0] = np.inf
             cov = np.broadcast_to(self.config.noise.spread, (k, 3, 3))
             for i in choose_candidates(relative, cov, self.config, self._map.keyframes):
-                self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), index, is_known=True)
+                self._try(Candidate(i, k, cov[i]), index, is_known=True)
 
     def audit(self) -> list[tuple[list[Closure], float]]:
         """Return groups of matches against the map, by row, and the odds of each less those of what it contradicts."""
@@ -120,7 +120,7 @@ class LoopSearch:
         refused = [
             c
             for pair, c in tried.items()
-            if pair not in followed and c.is_whole and is_near(UncertainPose(c.pose, c.covariance), self.config)
+            if pair not in followed and is_near(UncertainPose(c.pose, c.covariance), self.config)
         ]
         found = []
         for group in groups_against(refused, growing.graph.poses, self.config):
@@ -150,21 +150,19 @@ class LoopSearch:
 
     def _try(self, candidate: Candidate, index: int, *, is_known: bool = False) -> list[Closure]:
         """Match a candidate unless it was, and return the closures accepted; is_known: no others will come to agree."""
-        i, j, _ = candidate
+        i, j, covariance = candidate
         one, other = (self._map.keyframes[k].number for k in (i, j))
         if other in self._tried.setdefault(one, set()):
             return []
         self._tried[one].add(other)
         self._tried.setdefault(other, set()).add(one)
         poses = self._map.graph.poses
-        cov = candidate.expected.cov + self.config.noise.spread
-        expected = UncertainPose(se2.between(poses[i], poses[j]), cov)
+        expected = UncertainPose(se2.between(poses[i], poses[j]), covariance + self.config.noise.spread)
         prior = expected if is_certain(expected, self.config) else None
         result = self._map.keyframes.match(i, j, prior)
         closure = closure_of(result, expected, self.config, scan=index, i=i, j=j)
         if closure.is_accepted:
-            # where the guess decided between several poses the match says no more than the graph did
-            if is_loop(i, j) and not result.is_guess_decisive and result.degenerate_direction is None:
+            if is_loop(i, j) and result.degenerate_direction is None:
                 self._remember(closure)
             return [self._accept(closure)]
         if closure.outcome is ClosureOutcome.WAITING:
@@ -211,7 +209,7 @@ class LoopSearch:
             for other in self._tried.pop(one, ()):
                 self._tried[other].discard(one)
         at = np.where(is_kept, np.cumsum(is_kept) - 1, -1).tolist()
-        self._queue = deque(Candidate(at[c.i], at[c.j], c.expected) for c in self._queue if at[c.i] >= 0)
+        self._queue = deque(Candidate(at[c.i], at[c.j], c.covariance) for c in self._queue if at[c.i] >= 0)
         self._pool = [replace(c, i=at[c.i], j=at[c.j]) for c in self._pool if at[c.i] >= 0 and at[c.j] >= 0]
 
 
@@ -228,11 +226,9 @@ def choose_candidates(
     distance = np.hypot(relative[:, 0], relative[:, 1])
     is_certain = sigma < rules.certain_m
     is_near = (distance - SIGMAS * sigma < rules.reach) | (is_certain & (distance < _FARTHEST))
-    cost = distance + 0.7 * np.abs(relative[:, 2])
     newest = len(relative)
     is_near[max(newest - 1 - N_LINKED, 0) :] = False
     sure = np.flatnonzero(is_near & is_certain)
-    sure = sure[np.argsort(cost[sure], kind="stable")][: 8 * _N_CERTAIN]
     overlap = foretold_overlap(keyframes.profiles, sure, relative[sure], keyframes.profiles[newest])
     sure, overlap = sure[overlap >= rules.min_overlap], overlap[overlap >= rules.min_overlap]
     sure = sure[np.argsort(-overlap, kind="stable")][:_N_CERTAIN]

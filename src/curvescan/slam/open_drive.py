@@ -22,12 +22,6 @@ UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 _MEMORY = 10
 """Scans over which the usual motion is averaged."""
 
-_FLOOR = 0.1
-"""Standard deviation of a way that no match saw, at the least, metres."""
-
-_MOST_TURN = 0.3**2
-"""Greatest variance of a turn that no match saw, square radians."""
-
 _NONE = np.zeros(2)
 
 
@@ -51,9 +45,7 @@ class OpenDrive(NamedTuple):
     n_measured: int = 0  # scans that measured all of the motion: before the first nothing is usual
     # since the keyframe
     turned: float = 0.0  # radians
-    is_lost: bool = False  # it may have been carried anywhere
-    n_open: int = 0  # scans that left a direction open, or everything
-    n_blind: int = 0  # scans that left everything open
+    is_open: bool = False  # whether a scan left a direction open, or everything
 
     def begun(self) -> OpenDrive:
         """Return what is hidden at a new keyframe."""
@@ -63,13 +55,13 @@ class OpenDrive(NamedTuple):
     def added(self, step: Step) -> OpenDrive:
         """Return what is hidden after a step of the odometry."""
         motion, turned = step.motion[:2], self.turned + float(step.motion[2])
-        after = self._replace(turned=turned, is_lost=self.is_lost or step.outcome is StepOutcome.LOST)
+        after = self._replace(turned=turned)
         direction = _open_direction(step)
         if direction is None:
             n_measured = self.n_measured + step.is_matched
             usual = self.usual + (motion - self.usual) / min(max(n_measured, 1), _MEMORY)
             return after._replace(n_measured=n_measured, usual=usual, before=_NONE, since=_NONE)
-        after = after._replace(n_open=self.n_open + 1, n_blind=self.n_blind + (not step.is_matched))
+        after = after._replace(is_open=True)
         if step.is_driven:
             return after
         hidden = _turned(direction @ (self.usual - motion), self.turned)
@@ -77,16 +69,14 @@ class OpenDrive(NamedTuple):
 
     def known(self, motion: UncertainPose) -> UncertainPose:
         """Return the motion since the keyframe as well as it is known: along what is open by what may be hidden."""
-        if self.is_lost or not (self.n_open and self.n_measured):
+        if not (self.is_open and self.n_measured):
             return motion
-        # across, no more than what going on or standing leaves open
-        most = _FLOOR**2 + float(self.usual @ self.usual) * self.n_blind**2
-        across = min(float(np.linalg.eigvalsh(motion.cov[:2, :2])[0]), most)
+        across = float(np.linalg.eigvalsh(motion.cov[:2, :2])[0])
         # slips in a row have half of their error in common: of a + b the variance is a^2 + (b^2 + a b)
         share = 1.0 + max(float(self.before @ self.hidden), 0.0) / max(float(self.hidden @ self.hidden), 1e-12)
         cov = np.zeros((3, 3))
         cov[:2, :2] = across * np.eye(2) + share * np.outer(self.hidden, self.hidden)
-        cov[2, 2] = min(float(motion.cov[2, 2]), _MOST_TURN)
+        cov[2, 2] = motion.cov[2, 2]
         return UncertainPose(motion.pose, cov)
 
 

@@ -22,7 +22,7 @@ from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, X, Y
 from curvescan.matchers.curvescan.proposal.rotation_hypotheses import dominant_axis
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, FINE, select
 from curvescan.matchers.curvescan.proposal.search import CONTESTED, Candidates, Problem
-from curvescan.matchers.curvescan.refinement import EXACTLY, refine_fully
+from curvescan.matchers.curvescan.refinement import EXACTLY, refine
 from curvescan.types import Floats, Pose
 
 _N_TOP = 5  # poses that are judged beside one another, at most
@@ -43,26 +43,25 @@ def refine_candidates(problem: Problem, found: Candidates) -> tuple[WeighedPoses
     weighed = weigh(problem, poses, scores)
     if not len(poses) or weighed.is_hopeless:
         return weighed, None
-    best = weighed.poses[0]
-    assessment = assess_pose(ref, cur, best, config)
+    first = weighed
+    assessment = assess_pose(ref, cur, first.poses[0], config)
     along = direction_to_search(ref, assessment, weighed, config)
     if along is not None:
         poses, scores = search_degenerate_direction(ref, cur, weighed.poses, along, config)
         weighed = weigh(problem, poses, scores)
     images = images_of(ref, assessment, weighed)
-    if len(images):
-        weighed = weigh(problem, *_finish(ref, cur, np.concatenate((weighed.poses, images)), config))
-    if not np.array_equal(best, weighed.poses[0]):
+    if images:
+        weighed = weigh(problem, *_finish(ref, cur, np.array([*weighed.poses, *images]), config))
+    if weighed is not first and not np.array_equal(first.poses[0], weighed.poses[0]):
         assessment = assess_pose(ref, cur, weighed.poses[0], config)
     return weighed, assessment
 
 
-def images_of(ref: CurvescanFeatures, assessment: Assessment, weighed: WeighedPoses) -> Floats:
-    """Return (k, 3) poses that look as the best one: turned in a bare room, one thing on in a row of equal ones."""
+def images_of(ref: CurvescanFeatures, assessment: Assessment, weighed: WeighedPoses) -> list[Pose]:
+    """Return poses that look as the best one: turned in a bare room, one thing on in a row of equal ones."""
     best = weighed.poses[0]
     images = [2.0 * best - weighed.poses[k] for k in weighed.repeated_along()]
-    is_agreeing = assessment.codes_ref == INLIER
-    if weighed.is_bare and is_agreeing.any():
+    if weighed.is_bare and (is_agreeing := assessment.codes_ref == INLIER).any():
         # about the middle of the rectangle that agrees
         axis = dominant_axis(ref.image.samples)
         to_room = np.array([[math.cos(axis), -math.sin(axis)], [math.sin(axis), math.cos(axis)]])
@@ -72,7 +71,7 @@ def images_of(ref: CurvescanFeatures, assessment: Assessment, weighed: WeighedPo
         quarter = 0.5 * math.pi
         images += [np.array([x - dy, y + dx, theta + quarter]), np.array([x + dy, y - dx, theta - quarter])]
         images += [np.array([x - dx, y - dy, theta + math.pi])]
-    return np.array(images).reshape(-1, 3)
+    return images
 
 
 def direction_to_search(
@@ -138,7 +137,9 @@ def finish(
     limits: tuple[float, float, int, int, float],
 ) -> tuple[Floats, Floats]:
     """Return poses refined on all readings, best first, and their scores; limits: the arguments of `select`."""
-    final = refine_fully(poses, ref, cur, closer, full)
+    all_ref = RangeImage(ref.surfels, ref.surfels, ref.azimuth, ref.table)
+    all_cur = RangeImage(cur.surfels, cur.surfels, cur.azimuth, cur.table)
+    final = refine(refine(poses, ref, cur, closer), all_ref, all_cur, full)
     if len(poses) > 1:  # one pose has only to be enough; several are compared on more samples
         ref = RangeImage(choose_samples(ref.surfels, n_wide), ref.surfels, ref.azimuth, ref.table)
         cur = RangeImage(choose_samples(cur.surfels, n_wide), cur.surfels, cur.azimuth, cur.table)

@@ -18,7 +18,7 @@ from curvescan.types import Cov, Floats, Pose, UncertainPose
 
 _WRONG = 0.05  # share of priors that are wrong
 _WIDE_PRECISION = tuple(sigma**-2 for sigma in WIDE_SIGMA)
-_MATCHED = (0.05, 0.05, 0.025)  # standard deviations of a matched pose: metres, metres, radians
+_MATCHED = np.diag(np.square((0.05, 0.05, 0.025)))  # covariance of a matched pose: metres, metres, radians
 _MAX_CHI2 = 9.0  # of the wide prior: farther off is as unlikely as three standard deviations
 TOLD = 2.0  # log odds from which on the prior itself says where the pose is
 
@@ -60,22 +60,13 @@ class Prior(NamedTuple):
         return bool(self.log_odds(pose[np.newaxis])[0][0] > TOLD)
 
 
-@kernel
 def inverse(cov: Cov) -> tuple[Cov, float]:
     """Return the inverse of a covariance, of a matched pose added, and the determinant of the sum; by cofactors."""
-    a, b = np.empty((3, 3)), np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            a[i, j] = cov[i, j] + (_MATCHED[i] * _MATCHED[i] if i == j else 0.0)
-    for i in range(3):
-        for j in range(3):
-            p, q, r, s = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
-            b[j, i] = a[p, r] * a[q, s] - a[p, s] * a[q, r]
-    determinant = a[0, 0] * b[0, 0] + a[0, 1] * b[1, 0] + a[0, 2] * b[2, 0]
-    for i in range(3):
-        for j in range(3):
-            b[i, j] /= determinant
-    return b, determinant
+    (a, b, c), (d, e, f), (g, h, i) = (cov + _MATCHED).tolist()
+    first = e * i - f * h, f * g - d * i, d * h - e * g
+    second, third = (h * c - i * b, i * a - g * c, g * b - h * a), (b * f - c * e, c * d - a * f, a * e - b * d)
+    determinant: float = a * first[0] + b * first[1] + c * first[2]
+    return np.array([*zip(first, second, third, strict=True)]) / determinant, determinant
 
 
 @kernel

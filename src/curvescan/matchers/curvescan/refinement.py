@@ -75,7 +75,7 @@ def accumulate(
     metres, and metres more for each metre of range. Theta turns about the current sensor. placed (3, m): room to work.
     """
     surfels_b, way = view_b.surfels, motion.way
-    project_into(placed, surfels_a, 0, surfels_a.shape[0], motion, view_b)
+    project_into(placed, surfels_a, motion, view_b)
     for i in range(surfels_a.shape[0]):
         va = surfels_a[i, VARIANCE]
         if va < 0.0:
@@ -88,8 +88,7 @@ def accumulate(
             continue
         extra = sigma_extra + slack_slope * surfels_b[j, RANGE]
         variance = va + vb + extra * extra
-        u2 = e * e / variance
-        if u2 > _OUTLIER_CHI2:
+        if e * e > _OUTLIER_CHI2 * variance:
             continue
         reach = REACH + SURE_SIGMAS * extra
         spread = REACH * surfels_b[j, RANGE]
@@ -101,7 +100,7 @@ def accumulate(
         mx, my = turned_back(mx, my, motion) if way < 0.0 else turned(mx, my, motion)
         if mx * nx + my * ny < _FACING:
             continue
-        weight = 1.0 / variance
+        weight, u2 = 1.0 / variance, e * e / variance
         if u2 > _KNEE_CHI2:
             left, whole = _OUTLIER_CHI2 - u2, _OUTLIER_CHI2 - _KNEE_CHI2
             weight *= left * left / (whole * whole)
@@ -157,11 +156,3 @@ def refine(poses: Floats, ref: RangeImage, cur: RangeImage, sigmas: Floats) -> F
             pose[1] += shrink * dy
             pose[2] = wrap_angle(pose[2] + shrink * dtheta)
     return refined
-
-
-@kernel
-def refine_fully(poses: Floats, ref: RangeImage, cur: RangeImage, closer: Floats, full: Floats) -> Floats:
-    """Return (h, 3) poses refined on samples of two range images, then on all readings; see `refine`."""
-    all_ref = RangeImage(samples=ref.surfels, surfels=ref.surfels, azimuth=ref.azimuth, table=ref.table)
-    all_cur = RangeImage(samples=cur.surfels, surfels=cur.surfels, azimuth=cur.azimuth, table=cur.table)
-    return refine(refine(poses, ref, cur, closer), all_ref, all_cur, full)

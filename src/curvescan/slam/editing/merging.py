@@ -17,7 +17,6 @@ from curvescan.slam.editing.operations import part_of
 from curvescan.slam.jobs import Problem
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.grid_map import map_of_grid
-from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Bools, Cov, Ints, Pose
@@ -97,7 +96,7 @@ def _matches(one: SlamMap, other: SlamMap, config: SlamConfig) -> tuple[Ints, Po
         current = known.prepare(other.scans[j])
         for i in known.index.most_similar(known.signature(current), _N_ALIKE).tolist():
             result = current.matcher.match(known.prepared(i).features, current.features, None)
-            if result.ok and result.degenerate_direction is None and is_confident(result, config):
+            if result.ok and result.degenerate_direction is None:
                 pairs.append((i, j))
                 poses.append(result.pose)
                 covariances.append(config.noise.edge(as_measurement(result).cov))

@@ -21,7 +21,7 @@ from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import STEP_M
 from curvescan.slam.localization.field import DistanceField, points_of
 from curvescan.slam.localization.prior import WRONG
-from curvescan.slam.loops.closures import is_certain, is_confident, measured
+from curvescan.slam.loops.closures import is_certain, measured
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Ints, Points, Pose
@@ -150,7 +150,7 @@ class MapMatcher:
         """Return where a match with a keyframe puts a scan; None where it fails or is too likely to be wrong."""
         reference = self._keyframes.prepared(k)
         result = current.matcher.match(reference.features, current.features, prior)
-        if not result.ok or not is_confident(result, self._config):
+        if not result.ok:
             return None
         if prior is None and result.degenerate_direction is not None:
             return None

@@ -13,12 +13,15 @@ import numpy as np
 from curvescan import se2
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.agreement import agreements, largest_clique
-from curvescan.slam.loops.closures import SLIP, SURE, Closure, difference, expectation_of
+from curvescan.slam.loops.closures import Closure, difference, expectation_of
 from curvescan.slam.loops.cycles import Chain
 from curvescan.types import Floats, Ints, Pose
 
 _N_KEYFRAMES = 5
 """Keyframes whose matches must agree: three did on a good map of Killian, ten and more do on bent ones."""
+
+_SURE = 0.9
+"""Confidence from which on a match may contradict the finished map: right in 99.9 %."""
 
 N_NEAR = 20
 """Keyframes between closures that may speak for or against each other."""
@@ -78,7 +81,7 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
     Each has the expectation of a map whose ways may have slipped. Those of a set are near each other along the path:
     matches of far stretches agree by chance, as nothing is known of the way between.
     """
-    sure = (_held_against(c, poses, config) for c in tried if c.confidence >= SURE)
+    sure = (_held_against(c, poses, config) for c in tried if c.confidence >= _SURE)
     rest = sorted((c for c in sure if c is not None), key=lambda c: (c.j, c.i))
     chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
     found: list[list[Closure]] = []
@@ -95,10 +98,9 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
 
 
 def _held_against(closure: Closure, poses: Pose, config: SlamConfig) -> Closure | None:
-    """Return a match that a map contradicts by no more than a way may have slipped: else it shows another place."""
+    """Return a match with its expectation; None where the map does not contradict it."""
     off = difference(se2.between(poses[closure.i], poses[closure.j]), closure.pose)
     cov = closure.covariance + config.noise.spread
-    is_off = off @ np.linalg.solve(cov, off) > GATE
-    if not (is_off and off @ np.linalg.solve(cov + SLIP, off) < GATE):
+    if off @ np.linalg.solve(cov, off) < GATE:
         return None
-    return replace(closure, expectation=expectation_of(off, cov))
+    return replace(closure, expectation=expectation_of(off, cov, config))

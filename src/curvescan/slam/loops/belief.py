@@ -6,6 +6,7 @@ alone.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +17,8 @@ from curvescan.slam.pose_graph.marginals import seen_from
 from curvescan.slam.pose_graph.posterior import rotations
 from curvescan.types import Bools, Cov, Pose
 
-UNKNOWN: Cov = np.diag([1e6, 1e6, 10.0])
-"""(3, 3) covariance of a relative pose of which nothing is known."""
+UNKNOWN: Cov = np.diag(np.square([1e3, 1e3, math.pi]))
+"""(3, 3) covariance of a relative pose of which nothing is known: no building is larger."""
 
 
 class Belief(NamedTuple):

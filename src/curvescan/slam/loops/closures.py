@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.matchers import MatchResult
 from curvescan.se2.uncertain import UncertainPose, fuse
-from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.pose_graph.graph import is_whole
+from curvescan.slam.config import SlamConfig
 from curvescan.types import Bools, Cov, Pose
 
 _N_NEIGHBOURS = 10
@@ -29,9 +28,6 @@ SIGMAS = 3.0
 _OPEN = 100.0
 """Standard deviation of a way that is not measured, metres."""
 
-SURE = 0.9
-"""Confidence from which on a match counts from afar, and may contradict the finished map: right in 99.9 %."""
-
 _ERROR_AFAR = 0.03
 """Share of the distance by which views from afar err, more than they say: 0.1 to 0.2 m at 3 to 5 m on Killian."""
 
@@ -42,11 +38,8 @@ _ANYWHERE_M = 10.0
 """Standard deviation of where matches of other places lie, metres. Their headings are those of the walls, and tell
 nothing."""
 
-SLIP: Cov = np.diag(np.square([_ANYWHERE_M, _ANYWHERE_M, 0.3]))
+SLIP: Cov = np.diag([_ANYWHERE_M**2, _ANYWHERE_M**2, 1.0])
 """(3, 3) covariance of what a way may have slipped and bent without the odometry noticing."""
-
-_SLIP_ODDS = -9.0
-"""Log odds of such a slip on the way between two keyframes."""
 
 
 def is_loop(i: ArrayLike, j: ArrayLike) -> Bools:
@@ -61,7 +54,6 @@ class ClosureOutcome(Enum):
     AGREED = "Others agree with it, and together they are likelier than anything that contradicts them."
     WAITING = "It waits for others that agree with it."
     NO_MATCH = "The scans do not match."
-    LOW_CONFIDENCE = "The match is too likely to be wrong."
     UNEXPECTED = "The match lies where the graph does not expect it, and is not likely enough alone."
 
 
@@ -113,11 +105,6 @@ class Closure:
         """Whether it is a loop closure, else a match of neighbours; of a record, where i and j are numbers."""
         return bool(is_loop(self.i, self.j))
 
-    @property
-    def is_whole(self) -> bool:
-        """Whether the match leaves nothing open."""
-        return bool(is_whole(self.covariance))
-
 
 def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
     """Return whether the graph knows a relative pose so well that it may guide a match."""
@@ -156,33 +143,22 @@ def closure_of(
     if not result.ok:
         return tried
     found = measured(result)
-    is_afar = is_loop(i, j) and not is_near(expected, config)
-    if is_afar:
+    if is_loop(i, j) and not is_near(expected, config):
         error = _ERROR_AFAR * math.hypot(found.pose[0], found.pose[1])
         found = UncertainPose(found.pose, found.cov + np.diag([error**2, error**2, 0.0]))
     distance = fuse(expected, found)[1]
-    expectation = expectation_of(difference(expected.pose, found.pose), expected.cov + found.cov)
+    expectation = expectation_of(difference(expected.pose, found.pose), expected.cov + found.cov, config)
     tried = replace(tried, covariance=config.noise.edge(found.cov), distance=distance, expectation=expectation)
-    # what is seen from afar and is not sure is often the room beside, which the graph's guess led to
-    if (is_afar and result.confidence < SURE) or not is_confident(result, config):
-        return replace(tried, outcome=ClosureOutcome.LOW_CONFIDENCE)
-    if expectation + log_odds(tried) > config.closures.log_odds and distance < GATE:
+    if expectation + log_odds(tried) > config.closures.log_odds:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
     # between neighbours there is no loop to close, and what leaves a direction open agrees with the next room as well
     may_wait = is_loop(i, j) and result.degenerate_direction is None
     return replace(tried, outcome=ClosureOutcome.WAITING if may_wait else ClosureOutcome.UNEXPECTED)
 
 
-def is_confident(result: MatchResult, config: SlamConfig) -> bool:
-    """Return whether a match is likely enough to be right; of a matcher that does not say, its score decides."""
-    if math.isnan(result.confidence):
-        return not result.score < config.closures.min_score
-    return result.confidence >= config.closures.min_confidence
-
-
 def log_odds(closure: Closure) -> float:
-    """Return the log odds of a match by its confidence; those of its score where the matcher gives none."""
-    p = closure.score if math.isnan(closure.confidence) else closure.confidence
+    """Return the log odds of a match by its confidence; even ones where the matcher gives none."""
+    p = 0.5 if math.isnan(closure.confidence) else closure.confidence
     return min(math.log(max(p, 1e-6) / max(1.0 - p, 1e-6)), _MOST_ODDS)
 
 
@@ -193,13 +169,15 @@ def difference(one: Pose, other: Pose) -> Pose:
     return off
 
 
-def expectation_of(off: Pose, cov: Cov) -> float:
+def expectation_of(off: Pose, cov: Cov, config: SlamConfig) -> float:
     """Return how much the graph speaks for a match there: log odds against a wrong match, which may lie anywhere.
+
+    A slip between two keyframes is as unlikely as a closure must be likely.
 
     off (3,): from where the graph expects it, as it is or after a slip; cov (3, 3): of the graph and the match
     together. Nothing is gained along a direction that is not measured, as it is wide there.
     """
-    return max(_gained(off, cov), _SLIP_ODDS + _gained(off, cov + SLIP))
+    return max(_gained(off, cov), _gained(off, cov + SLIP) - config.closures.log_odds)
 
 
 def _gained(off: Pose, cov: Cov) -> float:

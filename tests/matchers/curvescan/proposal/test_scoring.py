@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.association import FORWARD, motion_of
+from curvescan.matchers.curvescan.association import FORWARD, motion_of, project
 from curvescan.matchers.curvescan.config import ScoringConfig
 from curvescan.matchers.curvescan.features.range_image import place_of, reading_at, reading_beside
 from curvescan.matchers.curvescan.proposal.scoring import best_beside, score_pose, score_samples, select
@@ -25,7 +25,8 @@ def test_the_score_is_that_of_the_slow_twin(seed):
     here = slow_score(ref, cur, back)
     n = len(cur.image.samples)
     motion = motion_of(pose, FORWARD)
-    one = score_samples(cur.image.samples, 0, n, ref.image, motion, 0.05, 0.01, np.empty((3, n)))
+    placed = project(cur.image.samples, motion, ref.image)
+    one = score_samples(cur.image.samples, placed, 0, n, ref.image, motion, 0.05, 0.01)
     assert abs(one - there) < 1e-9
     both = score_pose(pose, ref.image, cur.image, 0.05, 0.01, 64, -1.0)
     assert abs(both - (there + here) / (2 * n)) < 1e-9

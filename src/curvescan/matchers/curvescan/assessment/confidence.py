@@ -106,9 +106,14 @@ class WeighedPoses:
     wide_priors: Floats  # (k,): the same if that was wrong
 
     def rows(self, order: list[int]) -> WeighedPoses:
-        """Return some of the poses, in another order."""
+        """Return the poses in another order."""
+        if order == sorted(order):
+            return self
         poses, scores, evidence = self.poses[order], self.scores[order], self.evidence[order]
-        return WeighedPoses(poses, scores, evidence, self.priors[order], self.wide_priors[order])
+        made = WeighedPoses(poses, scores, evidence, self.priors[order], self.wide_priors[order])
+        known = {name: [getattr(self, name)[k] for k in order] for name in ("_rows", "_terms", "_odds")}
+        made.__dict__.update(known)
+        return made
 
     @cached_property
     def _rows(self) -> list[list[float]]:
@@ -147,7 +152,8 @@ class WeighedPoses:
 
     def _by_prior(self, k: int) -> float:
         """Return what the prior weighs in the log odds of a pose."""
-        return sum(_WEIGHTS[row] * self._terms[k][row] for row in (_PRIOR, _FEW_PRIOR))
+        terms = self._terms[k]
+        return _WEIGHTS[_PRIOR] * terms[_PRIOR] + _WEIGHTS[_FEW_PRIOR] * terms[_FEW_PRIOR]
 
     def is_told(self, k: int) -> bool:
         """Return whether the prior itself says that the scan is at pose k."""
@@ -242,7 +248,7 @@ class WeighedPoses:
             return 1.0
         share = min(1.0, (own[EXCESS] + _EXCESS_FLOOR) / (best[EXCESS] + _EXCESS_FLOOR))
         share *= min(1.0, (own[WEAKEST] + _WEAKEST_FLOOR) / (best[WEAKEST] + _WEAKEST_FLOOR))
-        contradicted = sum(max(own[one] - best[one], 0.0) for one in (SEEN_THROUGH, SMALL))
+        contradicted = max(own[SEEN_THROUGH] - best[SEEN_THROUGH], 0.0) + max(own[SMALL] - best[SMALL], 0.0)
         allowed = _CONTRADICTED * max(own[AGREEING], _FLOOR)
         share = math.sqrt(max(share, 0.0)) * max(0.0, 1.0 - contradicted / allowed)
         return float(share)
@@ -284,4 +290,4 @@ def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
     weighed = weighed.rows(sorted(range(len(poses)), key=lambda k: -weighed.rank(k)))
     alike = [0, *(k for k in range(1, len(poses)) if weighed.repetition(k) > MAX_REPETITION)]
     best = max(alike, key=weighed.log_odds)
-    return weighed.rows([best, *(k for k in range(len(poses)) if k != best)]) if best else weighed
+    return weighed.rows([best, *(k for k in range(len(poses)) if k != best)])

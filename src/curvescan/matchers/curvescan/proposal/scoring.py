@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.association import FORWARD, Motion, associate, is_seen_through, project_into, turned
+from curvescan.matchers.curvescan.association import FORWARD, Motion, associate, is_seen_through, project, turned
 from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_beside
 from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, SPACING, VARIANCE, X, Y
@@ -34,39 +34,37 @@ _MAX_ALIKE = 4  # poses near one that is kept that are tried in its place: more 
 @kernel
 def score_samples(
     samples: Floats,
+    placed: Floats,
     low: int,
     high: int,
     image: RangeImage,
     motion: Motion,
     tolerance: float,
     slope: float,
-    placed: Floats,
 ) -> float:
     """Return the agreements less half the contradictions of samples low to high of one scan in another.
 
-    motion: FORWARD, of the first scan into the second; placed (3, m): room to work in.
+    placed: the samples, projected there; motion: FORWARD, of the first scan into the second.
     """
     score = 0.0
     surfels = image.surfels
-    high = min(high, samples.shape[0])
-    project_into(placed, samples, low, high, motion, image)
-    for k in range(low, high):
+    for k in range(low, min(high, samples.shape[0])):
         j, place, qx, qy, across, _ = associate(placed, k, image)
         if j < 0:
             continue
         limit = tolerance + slope * surfels[j, RANGE]
         noise2 = max(samples[k, VARIANCE], 0.0) + max(surfels[j, VARIANCE], 0.0)
         limit2 = max(limit * limit, LIKELY_SIGMAS * LIKELY_SIGMAS * noise2)
-        badness = across * across / limit2
         ux, uy = qx - surfels[j, X], qy - surfels[j, Y]
         along = ALONG * surfels[j, SPACING]
-        if badness < 1.0 and ux * ux + uy * uy < _REACH2 * limit2 + along * along:
+        # no quotient or root stands before a branch, which would wait for it
+        if across * across < limit2 and ux * ux + uy * uy < _REACH2 * limit2 + along * along:
             mx, my = turned(samples[k, NX], samples[k, NY], motion)
             alike = surfels[j, NX] * mx + surfels[j, NY] * my
             if alike > 0.0:
-                score += (1.0 - badness) * alike
+                score += (1.0 - across * across / limit2) * alike
                 continue
-        front = surfels[j, RANGE] - 2.0 * math.sqrt(limit2)
+        front = surfels[j, RANGE] - 2.0 * (limit if limit2 == limit * limit else math.sqrt(limit2))
         if not is_seen_through(qx, qy, front):
             continue
         # between two beams the nearer surface may reach as far as the other beam
@@ -90,11 +88,12 @@ def score_pose(
     c, s = math.cos(theta), math.sin(theta)
     there, back = Motion(c, s, x, y, FORWARD), Motion(c, -s, -c * x - s * y, s * x - c * y, FORWARD)
     n_ref, n_cur = ref.samples.shape[0], cur.samples.shape[0]
-    placed = np.empty((3, max(n_ref, n_cur)))
+    # all at once, by vector instructions, which takes no longer than the first few one by one
+    placed_ref, placed_cur = project(ref.samples, back, cur), project(cur.samples, there, ref)
     low, high, score, rate = n_first - n_first, n_first, 0.0, 0.0  # not the constant 0: see explore
     while low < max(n_ref, n_cur):
-        score += score_samples(cur.samples, low, high, ref, there, tolerance, slope, placed)
-        score += score_samples(ref.samples, low, high, cur, back, tolerance, slope, placed)
+        score += score_samples(cur.samples, placed_cur, low, high, ref, there, tolerance, slope)
+        score += score_samples(ref.samples, placed_ref, low, high, cur, back, tolerance, slope)
         rate = score / (min(high, n_ref) + min(high, n_cur))
         # few samples err more: what is certain of a score narrows with the root of their number
         if rate < least - _PROSPECT / math.sqrt(min(high, n_ref) + min(high, n_cur)):
