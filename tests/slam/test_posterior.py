@@ -7,8 +7,15 @@ import pytest
 
 from curvescan import se2
 from curvescan.slam.pose_graph.optimization import optimize, squared_distances
-from curvescan.slam.pose_graph.posterior import design_effect, heading_drift, variance_factor, without_floor
-from tests.slam.graphs import loop, measured_edges
+from curvescan.slam.pose_graph.posterior import (
+    design_effect,
+    heading_drift,
+    own_noise,
+    variance_factor,
+    with_own_noise,
+    without_floor,
+)
+from tests.slam.graphs import SIGMAS, loop, measured_edges
 
 N = 60
 ENDS = [(i, j) for i in range(N) for j in range(i + 1, min(i + 6, N))]
@@ -52,6 +59,30 @@ def test_residuals_tell_by_what_the_covariances_are_wrong(scale: float) -> None:
 
 def test_without_redundancy_nothing_is_concluded() -> None:
     assert variance_factor(np.array([900.0]), 1) == 1.0
+
+
+def test_the_noise_of_the_first_scan_turns_all_others_about_it() -> None:
+    poses = np.array([[1.0, 2.0, 0.5], [4.0, 2.0, 0.1], [1.0, 6.0, -2.0]])
+    own = np.zeros((3, 3, 3))
+    own[0, 2, 2] = 1e-6
+    found = with_own_noise(np.zeros((3, 3, 3)), poses, own, 0)
+    assert np.array_equal(found[0], np.zeros((3, 3)))
+    for k in (1, 2):
+        eps = 1e-6
+        turned = se2.compose(poses[0] + [0.0, 0.0, eps], se2.between(poses[0], poses[k]))
+        slope = (turned - poses[k]) / eps
+        np.testing.assert_allclose(found[k], 1e-6 * np.outer(slope, slope), atol=1e-10)
+
+
+def test_the_own_noise_is_that_of_the_best_match_in_the_axes_of_the_map() -> None:
+    poses = np.array([[0.0, 0.0, np.pi / 2], [0.0, 1.0, np.pi / 2], [0.0, 2.0, np.pi / 2]])
+    ends = np.array([(0, 1), (1, 2), (0, 2)])
+    along = np.diag(np.square([3.0, 1.0, 1.0]) * SIGMAS[0] ** 2)
+    covariances = np.stack([along, 4.0 * along, 9.0 * along])
+    found = own_noise(poses, ends, covariances, np.array([True, True, True]))
+    across = np.diag(np.square([1.0, 3.0, 1.0]) * SIGMAS[0] ** 2)
+    np.testing.assert_allclose(found, np.stack([across, across, 4.0 * across]), atol=1e-12)
+    assert not own_noise(poses, ends, covariances, np.zeros(3, dtype=bool)).any()
 
 
 def test_edges_side_by_side_do_not_average_the_drift_of_the_heading() -> None:

@@ -12,10 +12,17 @@ import numpy as np
 from curvescan.slam.config import GATE, KEPT, NoiseConfig
 from curvescan.slam.loops.belief import UNKNOWN
 from curvescan.slam.map import SlamMap
-from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, anchors_of, components
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, anchors_of, components, is_whole
 from curvescan.slam.pose_graph.marginals import marginal_covariances
 from curvescan.slam.pose_graph.optimization import Edges, information_matrix, squared_distances
-from curvescan.slam.pose_graph.posterior import design_effect, heading_drift, variance_factor, without_floor
+from curvescan.slam.pose_graph.posterior import (
+    design_effect,
+    heading_drift,
+    own_noise,
+    variance_factor,
+    with_own_noise,
+    without_floor,
+)
 from curvescan.slam.pose_graph.robust import RobustOptimum, optimize_robustly
 from curvescan.types import Cov, Floats, Ints, Pose
 
@@ -105,4 +112,6 @@ def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
     information = information_matrix(poses, edges, weights[used], anchors)
     found = marginal_covariances(information, anchors)
     found[labels != labels[k]] = UNKNOWN
-    return found
+    # what each of both scans adds to all of its edges; of what a match leaves open it says nothing
+    common = (1.0 - KEPT) / (2.0 * KEPT) * covariances
+    return with_own_noise(found, poses, own_noise(poses, ends, common, is_match & is_whole(covariances)), k)

@@ -5,7 +5,8 @@ of them. The errors of its K matches have a correlation r, so the variance of th
 of one (the design effect of surveys, Kish 1965), and the covariance of each is to be multiplied by 1 + (K - 1) r. And
 the edges' covariances may be too large or too small as a whole: their residuals in the optimum tell (the variance of
 unit weight, as in geodesy). The floor that an edge has so that matches which claim too much do not rule the optimum is
-no part of it: of clean scans it is several times their error.
+no part of it: of clean scans it is several times their error. Last, the noise of a keyframe's own scan moves it against
+all others alike, and shows in no residual.
 """
 
 from __future__ import annotations
@@ -75,3 +76,27 @@ def rotations(angles: Floats) -> Cov:
     turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = c, -s, s, c
     turns[:, 2, 2] = 1.0
     return turns
+
+
+def own_noise(poses: Pose, ends: Ints, covariances: Cov, is_match: Bools) -> Cov:
+    """Return (n, 3, 3) covariance of the best of m matches of each keyframe, axes of the map; zeros without any."""
+    rows = np.flatnonzero(is_match)
+    spread = np.trace(covariances[rows], axis1=1, axis2=2)
+    rows = rows[np.argsort(-spread, kind="stable")]
+    best = np.full(len(poses), -1)
+    best[ends[rows].ravel()] = np.repeat(rows, 2)  # of several the last one stays
+    found = np.zeros((len(poses), 3, 3))
+    has = np.flatnonzero(best >= 0)
+    turn = rotations(poses[ends[best[has], 0], 2])
+    found[has] = turn @ covariances[best[has]] @ turn.transpose(0, 2, 1)
+    return found
+
+
+def with_own_noise(covariances: Cov, poses: Pose, own: Cov, k: int) -> Cov:
+    """Return (n, 3, 3) covariances with the noise of the keyframes' own scans; keyframe k stays known exactly."""
+    lever = np.tile(np.eye(3), (len(poses), 1, 1))
+    lever[:, 0, 2] = poses[k, 1] - poses[:, 1]
+    lever[:, 1, 2] = poses[:, 0] - poses[k, 0]
+    found: Cov = covariances + own + lever @ own[k] @ lever.transpose(0, 2, 1)
+    found[k] = covariances[k]
+    return found
