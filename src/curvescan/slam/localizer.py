@@ -27,19 +27,17 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.localization.correlative import STEP_M, contour_length, is_same
+from curvescan.slam.localization.correlative import STEP_M, STEP_RAD, contour_length, is_same
+from curvescan.slam.localization.field import points_of
 from curvescan.slam.localization.grid_map import opened, with_field
-from curvescan.slam.localization.matching import Hit, MapMatcher, fused, points_of
+from curvescan.slam.localization.matching import WORSE, Hit, MapMatcher, fused
 from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, Views, said
 from curvescan.slam.map import SlamMap
 from curvescan.slam.open_drive import UNMEASURED, between_steps
 
-_SEARCHED = np.diag(np.square([0.5 * STEP_M, 0.5 * STEP_M, 0.06]))
+_SEARCHED = np.diag(np.square([0.5 * STEP_M, 0.5 * STEP_M, STEP_RAD]))
 """Covariance of a pose that the search found, as a guess for matches: metres and radians."""
-
-_LEAST_FIT, _WORSE_FIT = 0.2, 0.05
-"""Least agreement with the map of a pose that matches confirm, and how much less than where the search found it."""
 
 _NOWHERE = UncertainPose(np.full(3, np.nan), np.full((3, 3), np.nan))
 """The pose of a sensor that is searched for."""
@@ -82,7 +80,7 @@ class Localizer:
         for k, scan in enumerate(slam_map.scans):
             self._keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
         self._matching = MapMatcher(slam_map, self._keyframes, self.config, field)
-        self._search = MapSearch(field, slam_map.poses, n_tried)
+        self._search = MapSearch(field, slam_map.poses, self._keyframes, n_tried)
         self.reset()
 
     def __repr__(self) -> str:
@@ -159,7 +157,7 @@ class Localizer:
         scan : LaserScan
             Any scan, also one of another session.
         """
-        return tuple(self._confirmed(scan, self._views_of(scan).winner))
+        return tuple(self._confirmed(scan, self._search.look(scan).winner))
 
     def _look(self, scan: LaserScan, step: Step) -> Step:
         """Look for the sensor in the whole map."""
@@ -172,9 +170,9 @@ class Localizer:
         self._is_torn = False
         scan = self._deskewed(scan, step)
         similar = self._matching.similar(scan, self._n_tried)
-        views = self._views_of(scan, prior=self._prior, before=before, matched=similar)
+        views = self._search.look(scan, prior=self._prior, before=before, matched=similar)
         self._views = views, step
-        hits = self._confirmed(scan, views.winner, similar)
+        hits = self._confirmed(scan, views.winner)
         return self._take(step, StepOutcome.FOUND, fused(hits), hits) if hits else self._at(step, StepOutcome.SEARCHING)
 
     def _track(self, scan: LaserScan, step: Step, here: UncertainPose, anchor: Step) -> Step:
@@ -186,7 +184,7 @@ class Localizer:
         scan = self._deskewed(scan, step)
         points, field = points_of(scan), self._matching.field
         # after a motion in doubt no other place may agree as well
-        alone = self._views_of(scan, prior=self._prior) if self._is_torn else None
+        alone = self._search.look(scan, prior=self._prior) if self._is_torn else None
         vague = self.config.noise.doubled(expected)
         found, is_due = self._matching.around(scan, vague, seen_from=self._keyframe)
         hits = self._matching.settled(points, found)
@@ -194,13 +192,14 @@ class Localizer:
         if hits:
             now, _ = fuse(self._matching.seen_from(expected, self._keyframe, hits[0]), fused(hits))
         fit = field.agreement(points, now.pose).score
+        view = said(contour_length(points), fit)
         prior = float(self._search.known(self._prior, now.pose[np.newaxis])[0])
-        if hits and fit > 0.0 and (alone is None or alone.is_best(now.pose, fit + prior)):
-            return self._take(step, StepOutcome.TRACKED, now, hits, said(contour_length(points), fit))
+        if hits and fit > 0.0 and (alone is None or alone.is_best(now.pose, view + prior)):
+            return self._take(step, StepOutcome.TRACKED, now, hits, view)
         self._n_missed += is_due or fit < 0.0 or self._is_torn
         elsewhere: list[Hit] = []
         if self._n_missed:
-            elsewhere = self._confirmed(scan, (alone or self._views_of(scan, prior=self._prior)).winner)
+            elsewhere = self._confirmed(scan, (alone or self._search.look(scan, prior=self._prior)).winner)
         if elsewhere:
             return self._take(step, StepOutcome.FOUND, fused(elsewhere), elsewhere)
         if self._n_missed >= self.config.keyframes.n_lost:
@@ -208,39 +207,22 @@ class Localizer:
             return self._look(scan, step)
         return self._at(step, StepOutcome.PREDICTED, expected)
 
-    def _confirmed(self, scan: LaserScan, place: Place | None, similar: Sequence[Hit] = ()) -> list[Hit]:
+    def _confirmed(self, scan: LaserScan, place: Place | None) -> list[Hit]:
         """Return matches that put a scan at a place; none where they leave a direction open."""
         if place is None:
             return []
         matching, points = self._matching, points_of(scan)
         searched = UncertainPose(place.pose, _SEARCHED)
         found, _ = matching.around(scan, searched, is_known=False)
-        tried = {hit.keyframe for hit in found}
-        found += [hit for hit in similar if hit.keyframe not in tried and is_same(place.pose, hit.here.pose)]
         if not found:
             return []
         hits = matching.settled(points, matching.held(points, searched, found))
         here = fused(hits)
         # unless the map does not agree with its own keyframes there
-        worse = max(_WORSE_FIT, matching.misfit(hits[0].keyframe))
-        is_worse = matching.field.agreement(points, here.pose).score < max(_LEAST_FIT, place.fit - worse)
+        worse = max(WORSE, matching.misfit(hits[0].keyframe))
+        fit, least = (matching.field.agreement(points, pose).score for pose in (here.pose, place.pose))
+        is_worse = fit < max(0.0, least - worse)
         return [] if is_worse or matching.is_open(here) or not is_same(place.pose, here.pose) else hits
-
-    def _views_of(
-        self,
-        scan: LaserScan,
-        *,
-        prior: Prior | None = None,
-        before: tuple[Views, UncertainPose] | None = None,
-        matched: Sequence[Hit] = (),
-    ) -> Views:
-        """Return what a scan says of places in the whole map; of a large one near the keyframes most like it."""
-        similarity = None
-        if self._search.is_large:
-            keyframes = self._keyframes
-            seen = keyframes.signature(keyframes.prepare(scan))
-            similarity = keyframes.index.most_similar(seen, len(keyframes))
-        return self._search.look(points_of(scan), prior=prior, before=before, similarity=similarity, matched=matched)
 
     def _deskewed(self, scan: LaserScan, step: Step) -> LaserScan:
         """Return the scan as the map's keyframes are: deskewed by the motion since the one before."""

@@ -8,7 +8,7 @@ import pytest
 import curvescan as cs
 from curvescan import se2
 from curvescan.slam import SlamMap
-from curvescan.slam.localization.field import ON_WALL_M, DistanceField, field_of
+from curvescan.slam.localization.field import ON_WALL_M, REACH_M, DistanceField, field_of
 from tests.slam.map_example import FILE, ROOM, lap, scans
 
 
@@ -35,10 +35,10 @@ def _slow_agreement(field: DistanceField, points: np.ndarray, pose: np.ndarray) 
         found = cell(end)
         if found and found[0] <= ON_WALL_M:
             counts[0] += 1
-        elif found and found[1] and found[0] > 0.25:
+        elif found and found[1] and found[0] > 2.0 * ON_WALL_M:
             counts[1] += 1
         reach = float(np.hypot(*(end - pose[:2])))
-        ways = np.arange(0.0, max(reach - 0.4, 0.0), 0.001)
+        ways = np.arange(0.0, max(reach - REACH_M, 0.0), 0.001)
         beam = pose[:2] + ways[:, np.newaxis] * (end - pose[:2]) / reach
         cells = [cell(place) for place in beam]
         counts[2] += any(c is not None and c[2] for c in cells)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from curvescan.slam import SlamMap
-from curvescan.slam.localization.map_precision import MapPrecision
+from curvescan.slam.localization.matching import MapPrecision
 
 
 def _map(ends: list[tuple[int, int]], sigmas: list[tuple[float, float]], n: int = 5) -> SlamMap:

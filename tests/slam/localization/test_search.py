@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,9 +9,9 @@ import curvescan as cs
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamMap
+from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import contour_length, is_same, likely_poses, thinned
 from curvescan.slam.localization.field import DistanceField, field_of
-from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, Views, said
 from tests.slam.map_example import FILE, lap, scans
 
@@ -61,163 +59,109 @@ def test_nothing_is_likely_without_readings(field: DistanceField) -> None:
     assert likely_poses(field, np.empty((0, 2)), np.ones((30, 2)), 5).shape == (0, 3)
 
 
-def _views(*found: Place, contour: float = 0.0) -> Views:
-    return Views(found=found, contour=contour)
-
-
-def _place(x: float, support: float, view: float | None = None) -> Place:
+def _place(
+    x: float, support: float, view: float | None = None, prior: float = 0.0, matches: tuple[float, float] = (0.0, 0.0)
+) -> Place:
     view = support if view is None else view
-    return Place(pose=np.array([x, 0.0, 0.0]), fit=0.6 + view, view=view, support=support)
+    in_view, in_all = matches
+    return Place(
+        pose=np.array([x, 0.0, 0.0]),
+        walls=view,
+        view=view + in_view,
+        wall_support=support,
+        support=support + in_all,
+        prior=prior,
+    )
 
 
 @pytest.mark.parametrize(
-    ("found", "is_sure"),
+    ("views", "is_sure"),
     [
-        ([(0.0, 0.3)], True),
-        ([(0.0, 0.1)], False),  # too little
-        ([(0.0, 0.3), (3.0, 0.25)], False),  # another is nearly as good
-        ([(0.0, 0.3), (3.0, 0.1)], True),
-        ([(0.0, 2.0), (3.0, 1.7)], False),  # many views say nearly the same of both
-        ([(0.0, 2.0), (3.0, 1.4)], True),
+        ([0.3], True),  # no other place at all
+        ([-0.05], False),  # alone, and the view is against it
+        ([0.45, 0.4], False),  # another is nearly as good
+        ([0.3, 0.15], False),  # what it says and how far it is ahead are not enough
+        ([0.38, 0.08], True),
+        ([0.2, -0.25], False),
+        ([0.2, -0.5], True),  # the less another place agrees, the less needs to be said
+        ([0.48, 0.39], False),  # the margin
+        ([0.48, 0.37], True),
     ],
 )
-def test_a_place_is_sure_where_no_other_comes_near(
-    stored: SlamMap, field: DistanceField, found: list[tuple[float, float]], is_sure: bool
+def test_a_place_is_sure_where_what_is_said_and_how_far_it_is_ahead_are_enough(
+    views: list[float], is_sure: bool
 ) -> None:
-    views = _views(*[_place(x, support) for x, support in found])
-    assert (views.winner is not None) is is_sure
-
-
-def test_several_views_together_need_more_than_one(stored: SlamMap, field: DistanceField) -> None:
-    assert _views(_place(0.0, 0.3, 0.3)).winner is not None
-    assert _views(_place(0.0, 0.3, 0.15)).winner is None
-    assert _views(_place(0.0, 1.1, 0.15)).winner is not None
-    # a sensor that drives out of the map is not where the views before it left
-    assert _views(_place(0.0, 1.4, -0.02)).winner is None
+    found = [_place(3.0 * k, view) for k, view in enumerate(views)]
+    assert (Views(found=found).winner is not None) is is_sure
 
 
 @pytest.mark.parametrize(
-    ("fit", "rival", "contour", "is_sure"),
+    ("best", "other", "is_sure"),
     [
-        (0.8, 0.3, 12.0, True),
-        (0.8, 0.52, 12.0, False),  # places that the map does not show are ahead by 0.28
-        (0.95, 0.7, 12.0, True),  # the less is left open the less it needs to be ahead
-        (0.8, 0.3, 6.0, False),  # three sides of a booth
-        (0.58, -0.4, 12.0, False),  # alone, and the map says too little
+        (_place(0.0, 1.4, 0.15), _place(3.0, 0.6, 0.1), True),
+        (_place(0.0, 1.3, 0.15), _place(3.0, 1.0, 0.1), False),
+        (_place(0.0, 2.5, 0.15), _place(3.0, 2.45, 0.1), False),  # views that say the same of both do not help
+        (_place(0.0, 2.0, -0.02), _place(3.0, 0.3, -0.1), False),  # it has driven out of the map since
     ],
 )
-def test_a_view_that_agrees_with_one_place_far_better_than_with_any_other_is_enough(
-    stored: SlamMap, field: DistanceField, fit: float, rival: float, contour: float, is_sure: bool
-) -> None:
-    # what the views say does not tell a rival of 0.3 from one of 0.45
-    said_of = [max(f - 0.6, -0.15) for f in (fit, rival)]
-    # the view alone is not enough by the other rules
-    said_of[0] = min(said_of[0], 0.25)
-    found = [
-        Place(pose=np.array([x, 0.0, 0.0]), fit=f, view=v, support=v)
-        for x, f, v in zip((0.0, 3.0), (fit, rival), said_of, strict=True)
-    ]
-    assert (_views(*found, contour=contour).winner is not None) is is_sure
-
-
-@pytest.mark.parametrize(("begins_at", "is_sure"), [(1.3, True), (60.0, False)])
-def test_what_the_views_decide_alone_stands_where_it_was_likely_before(
-    stored: SlamMap, field: DistanceField, begins_at: float, is_sure: bool
-) -> None:
-    # a corridor: 0.7 m on the view agrees less, and an initial pose beyond makes that place the likelier one
-    views = _views(_place(0.0, 0.39), _place(0.7, 0.28))
-    assert views.winner is not None
-    prior = Prior.of((begins_at, 0.0, 0.0), np.diag([0.5, 0.5, 0.07]))
-    likely = MapSearch(field, stored.poses, 5).known(prior, np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]]))
-    found = [replace(place, prior=float(k)) for place, k in zip(views.found, likely, strict=True)]
-    assert (likely[0] > 0.0) == is_sure
-    assert (replace(views, found=found).winner is not None) is is_sure
-
-
-@pytest.mark.parametrize(("rival_view", "is_sure"), [(-0.15, False), (-0.4, True)])
-def test_what_was_known_before_does_not_choose_between_places_that_the_view_is_against(
-    stored: SlamMap, field: DistanceField, rival_view: float, is_sure: bool
-) -> None:
-    # a corridor without a mark: the odometry has the sensor at 0, and perhaps 1.2 m on; no place stands out by itself
-    here, there = _place(0.0, -0.15), _place(1.2, rival_view)
-    views = _views(replace(here, prior=0.5), replace(there, prior=0.16))
-    assert (views.winner is not None) is is_sure
-
-
-def test_a_place_does_not_stand_out_where_matches_say_another(stored: SlamMap, field: DistanceField) -> None:
-    near, other = _place(0.0, 0.25), _matched(3.0, 0.4, -0.15)
-    assert _views(near, other, contour=12.0).winner is None
-    assert _views(near, _place(3.0, -0.15), contour=12.0).winner is near
+def test_several_views_together_need_more_than_one(best: Place, other: Place, is_sure: bool) -> None:
+    assert (Views(found=[best, other]).winner is best) is is_sure
 
 
 @pytest.mark.parametrize(
     ("support", "view", "prior", "is_sure"),
     [
-        (1.3, 0.15, 0.0, True),
-        (1.3, 0.15, -1.0, False),  # several views, where the sensor hardly can be
-        (2.1, 0.15, -1.0, True),  # until they outweigh what is known of it
+        (1.9, 0.1, 0.0, True),
+        (1.9, 0.1, -0.01, True),  # several views, where the sensor may as well be
+        (3.6, 0.15, -0.1, False),  # many views along a corridor that repeats, and a track that nothing broke
+        (0.5, 0.5, -0.1, True),  # one view that is clear
         (0.0, 0.0, 0.4, True),  # next to nothing, where it was expected
-        (-0.15, -0.15, 0.4, False),
+        (-0.15, -0.15, 0.2, False),
     ],
 )
-def test_a_prior_adds_to_what_the_views_say(
-    stored: SlamMap, field: DistanceField, support: float, view: float, prior: float, is_sure: bool
-) -> None:
-    place = replace(_place(0.0, support, view), prior=prior)
-    assert (_views(place).winner is not None) is is_sure
+def test_a_prior_adds_to_what_the_views_say(support: float, view: float, prior: float, is_sure: bool) -> None:
+    place, alike = _place(0.0, support, view, prior), _place(3.0, support, view, prior - 0.5)
     # of two places that look alike it chooses one
-    alike = replace(_place(3.0, support, view), prior=prior - 0.5)
-    assert (_views(alike, place).winner is place) is is_sure
+    assert (Views(found=[alike, place]).winner is place) is is_sure
 
 
-def test_one_view_does_not_overrule_those_before(stored: SlamMap, field: DistanceField) -> None:
-    assert _views(_place(0.0, -0.3, 0.3)).winner is None
+def test_one_view_does_not_overrule_those_before() -> None:
+    assert Views(found=[_place(0.0, 0.6)]).winner is not None
+    assert Views(found=[_place(0.0, -0.3, 0.6)]).winner is None
 
 
-def _matched(x: float, matched: float, view: float) -> Place:
-    """Return a place that the views speak for by `view`, and matches besides."""
-    at = np.array([x, 0.0, 0.0])
-    return Place(pose=at, fit=0.6 + view, view=view, support=view + matched, matched=matched)
-
-
-@pytest.mark.parametrize(
-    ("found", "is_sure"),
-    [
-        # furniture was moved: the views speak against the place, matches for it and for no other
-        ([_matched(0.0, 1.2, -0.15)], True),
-        ([_matched(0.0, 0.6, -0.05)], False),  # too few
-        ([_matched(0.0, 1.2, -0.9)], False),  # too much against it
-        ([_matched(0.0, 1.2, -0.15), _matched(3.0, 0.5, -0.15)], False),
-        # one view, and a match that says the same
-        ([_matched(0.0, 0.9, 0.22)], True),
-        ([_matched(0.0, 0.2, 0.22)], False),
-        ([_matched(0.0, 0.9, 0.22), _matched(3.0, 0.4, -0.15)], False),
-        # another place that its walls explain as well is no changed one, whatever matches say
-        ([_matched(0.0, 1.2, 0.4), _matched(3.0, 0.0, 0.4)], False),
-        ([_matched(0.0, 1.2, 0.4), _matched(3.0, 0.0, 0.1)], True),
-    ],
-)
-def test_matches_decide_where_the_map_has_changed_and_not_between_two_like_places(
-    stored: SlamMap, field: DistanceField, found: list[Place], is_sure: bool
+@pytest.mark.parametrize("by_walls", [0.05, 0.15])
+@pytest.mark.parametrize("views", [(0.25, 0.25, (0.2, 0.2)), (1.2, 0.1, (0.0, 0.6))])
+def test_matches_do_not_decide_between_places_whose_walls_look_alike(
+    by_walls: float, views: tuple[float, float, tuple[float, float]]
 ) -> None:
-    assert (_views(*found).winner is not None) is is_sure
+    support, view, matches = views
+    best, other = _place(0.0, support, view, matches=matches), _place(3.0, support - by_walls, view - by_walls)
+    assert (Views(found=[other, best]).winner is best) is (by_walls > 0.1)
+    assert Views(found=[other, _place(0.0, support, view)]).winner is None  # nor do walls without them
+
+
+def test_a_place_is_best_by_the_margin() -> None:
+    views = Views(found=[_place(0.0, 0.3), _place(3.0, 0.1, prior=0.05)])
+    assert views.is_best(np.zeros(3), 0.26)
+    assert not views.is_best(np.zeros(3), 0.24)
 
 
 @pytest.mark.slow
 def test_support_is_carried_on_by_the_motion(stored: SlamMap, field: DistanceField) -> None:
     poses = lap()[[10, 20, 30]]
-    search = MapSearch(field, stored.poses, 5)
+    search = MapSearch(field, stored.poses, Keyframes("curvescan", None, 1), 5)
     supports: list[float] = []
     views = None
     for k, scan in enumerate(scans(poses, seed=2)):
         moved = UncertainPose(se2.between(poses[k - 1], poses[k]), np.zeros((3, 3)))
-        views = search.look(_points(scan), before=(views, moved) if views else None)
+        views = search.look(scan, before=(views, moved) if views else None)
         best = views.found[0]
         assert is_same(best.pose, se2.between(lap()[0], poses[k]))
         supports.append(best.support)
     assert supports[0] < supports[1] < supports[2]
     # without the motion between them views do not add up
-    first = search.look(_points(scans(poses[:1], seed=2)[0])).found[0]
+    first = search.look(scans(poses[:1], seed=2)[0]).found[0]
     assert first.support == first.view
 
 

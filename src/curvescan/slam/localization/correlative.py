@@ -14,7 +14,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan._jit import kernel
-from curvescan.slam.localization.field import DistanceField
+from curvescan.slam.localization.field import ON_WALL_M, REACH_M, DistanceField
 from curvescan.types import Bools, Floats, Points, Pose
 
 STEP_M = 0.3
@@ -22,16 +22,13 @@ STEP_M = 0.3
 readings count as no farther from each other."""
 
 _N_HEADINGS = 96
-"""Headings that are tried, 3.75 deg from each other."""
+"""Headings that are tried."""
 
-_SAME_M, _SAME_RAD = 0.5, 0.26
+STEP_RAD = 2.0 * math.pi / _N_HEADINGS
+"""They lie so far from each other, radians."""
+
+_SAME_M, _SAME_RAD = 0.5, 4.0 * STEP_RAD
 """Poses nearer to each other are one, metres and radians."""
-
-_OTHER_RAD = 0.3
-"""The best two headings of a place differ by more, radians."""
-
-_REACH_M = 0.4
-"""A reading speaks for a pose by how near to a wall it ends, down to nothing at this distance, metres."""
 
 _N_READINGS = 48
 """Readings of a scan that are tried."""
@@ -119,10 +116,10 @@ def _best_headings(field: DistanceField, places: Points, points: Points) -> tupl
     for p in range(len(places)):
         pose[0], pose[1] = places[p, 0], places[p, 1]
         for h in range(_N_HEADINGS):
-            pose[2] = (h + 0.5) * 2.0 * math.pi / _N_HEADINGS - math.pi
-            score = _score(field, points, pose, _REACH_M, _LEAST)
+            pose[2] = (h + 0.5) * STEP_RAD - math.pi
+            score = _score(field, points, pose, REACH_M, _LEAST)
             apart = abs(pose[2] - headings[p, 0])
-            is_other = min(apart, 2.0 * math.pi - apart) > _OTHER_RAD
+            is_other = min(apart, 2.0 * math.pi - apart) > _SAME_RAD
             if score > scores[p, 0]:
                 if is_other:
                     scores[p, 1], headings[p, 1] = scores[p, 0], headings[p, 0]
@@ -138,7 +135,7 @@ def _refined(field: DistanceField, rough: Pose, points: Points) -> tuple[Pose, F
     poses, scores = rough.copy(), np.zeros(len(rough))
     trial = np.empty(3)
     for p in range(len(rough)):
-        step, turn, reach = 0.5 * STEP_M, math.pi / _N_HEADINGS, _REACH_M
+        step, turn, reach = 0.5 * STEP_M, 0.5 * STEP_RAD, REACH_M
         for _ in range(4):
             best = _score(field, points, poses[p], reach, 0.0)
             moved = True
@@ -154,6 +151,6 @@ def _refined(field: DistanceField, rough: Pose, points: Points) -> tuple[Pose, F
                         if score > best:
                             best, moved = score, True
                             poses[p] = trial
-            step, turn, reach = 0.5 * step, 0.5 * turn, max(0.6 * reach, 0.15)
-        scores[p] = _score(field, points, poses[p], 0.5 * _REACH_M, 0.0)
+            step, turn, reach = 0.5 * step, 0.5 * turn, max(0.5 * reach, ON_WALL_M)
+        scores[p] = _score(field, points, poses[p], 0.5 * REACH_M, 0.0)
     return poses, scores

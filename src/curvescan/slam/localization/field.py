@@ -17,17 +17,17 @@ from curvescan._jit import kernel
 from curvescan.errors import MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
+from curvescan.scan import LaserScan
 from curvescan.slam.map import SlamMap
 from curvescan.types import Bools, Floats, Points
 
 ON_WALL_M = 0.12
-"""A reading that ends this near to a wall of the map shows it, metres."""
+"""A reading that ends this near to a wall of the map shows it, metres; one in free space, twice as far from any wall,
+shows something new."""
 
-_OFF_WALL_M = 0.25
-"""A reading that ends in free space farther from any wall shows something new, metres."""
-
-_BEFORE_M = 0.4
-"""A beam passes through a wall that stands this far before its end, metres."""
+REACH_M = 0.4
+"""A beam passes through a wall that stands this far before its end, metres; while places are searched for, readings
+that end farther from a wall than this say nothing."""
 
 _WORN = 0.45
 """A reading shows a wall until about four keyframes look through it for each that sees it there: legs, rims and rough
@@ -71,6 +71,11 @@ class DistanceField(NamedTuple):
     def agreement(self, points: Points, pose: Floats) -> Agreement:
         """Return what the valid readings of a scan, (n, 2) in its own frame, say of a pose."""
         return Agreement(*(n / max(len(points), 1) for n in _counts(self, points, pose)))
+
+
+def points_of(scan: LaserScan) -> Points:
+    """Return the valid readings of a scan in the frame of the sensor."""
+    return np.ascontiguousarray(scan.points[scan.valid])
 
 
 def field_of(slam_map: SlamMap) -> DistanceField:
@@ -120,10 +125,10 @@ def _counts(field: DistanceField, points: Points, pose: Floats) -> tuple[int, in
         if 0 <= row < n_rows and 0 <= column < n_columns:
             if field.distance[row, column] <= ON_WALL_M:
                 n_on += 1
-            elif field.is_free[row, column] and field.distance[row, column] > _OFF_WALL_M:
+            elif field.is_free[row, column] and field.distance[row, column] > 2.0 * ON_WALL_M:
                 n_new += 1
         along = 0.0
-        while along < reach - _BEFORE_M:
+        while along < reach - REACH_M:
             column = math.floor((pose[0] + along * dx - field.origin[0]) / resolution)
             row = math.floor((pose[1] + along * dy - field.origin[1]) / resolution)
             if not (0 <= row < n_rows and 0 <= column < n_columns):

@@ -18,12 +18,13 @@ from curvescan.mapping.map_server import read_map
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.scan import LaserScan
 from curvescan.slam.config import SlamConfig
+from curvescan.slam.localization.correlative import STEP_M
 from curvescan.slam.localization.field import DistanceField, field_of, field_of_grid
 from curvescan.slam.map import SlamMap, as_map, load_map
 from curvescan.types import Floats, Points
 
-_STEP_M, _CLEARANCE_M = 1.0, 0.3
-"""Places that the map is looked at from: so far from each other, and from walls, metres."""
+_VIEWS_M = 1.0
+"""Places that the map is looked at from lie so far from each other, metres, and a step of the search from walls."""
 
 _N_PLACES = 2000
 """Such places at most; in larger maps they lie farther apart."""
@@ -56,19 +57,19 @@ def with_field(found: SlamMap | OccupancyGrid, config: SlamConfig) -> tuple[Slam
     if isinstance(found, SlamMap):
         return found, field_of(found), config
     field, noise = field_of_grid(found), config.noise
-    noise = replace(noise, floor_m=max(noise.floor_m, found.resolution / 4.0))  # a pose errs by two of it
+    noise = replace(noise, floor_m=max(noise.floor_m, found.resolution / 4))  # a pose errs by two of it
     return map_of_grid(found, field), field, replace(config, noise=noise)
 
 
 def map_of_grid(grid: OccupancyGrid, field: DistanceField | None = None) -> SlamMap:
     """Return a plain map with what a laser would see from its free places as keyframes."""
     field = field or field_of_grid(grid)
-    step = _STEP_M
-    while len(places := field.places(step, _CLEARANCE_M)) > _N_PLACES:
+    step = _VIEWS_M
+    while len(places := field.places(step, STEP_M)) > _N_PLACES:
         step *= float(np.sqrt(len(places) / _N_PLACES))
     if not len(places):
         raise LogFormatError(
-            f"the map has no free place {_CLEARANCE_M} m clear of walls: its free_thresh or negate may be wrong"
+            f"the map has no free place {STEP_M} m clear of walls: its free_thresh or negate may be wrong"
         )
     n = len(places)
     ends = np.column_stack((np.zeros(n - 1, dtype=np.int64), np.arange(1, n)))

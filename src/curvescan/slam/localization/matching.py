@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,13 +19,12 @@ from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import STEP_M
-from curvescan.slam.localization.field import DistanceField
-from curvescan.slam.localization.map_precision import MapPrecision
+from curvescan.slam.localization.field import DistanceField, points_of
 from curvescan.slam.localization.prior import WRONG
 from curvescan.slam.loops.closures import is_certain, measured
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
-from curvescan.types import Cov, Points, Pose
+from curvescan.types import Cov, Ints, Points, Pose
 
 _REACH_M = 8.0
 """Keyframes farther away are not matched, metres; one half as far comes behind a near one that shares half as much."""
@@ -32,15 +32,19 @@ _REACH_M = 8.0
 _LEAST_OVERLAP = 0.15
 """Nor those that share less of what they see, foretold from where they are."""
 
-_SCORE = 0.25
+SCORE = 0.25
 """What the score of a sure match counts for beside the share of readings that the map agrees with."""
 
-_HELD_SHARE = 0.04
-"""Walls hold a scan that loses this share of its readings when it is shifted by a step of the search along what a match
-leaves open: a corridor has ends and doors that no one keyframe shows."""
+WORSE = 0.05
+"""The map agrees less with one pose than with another where this share of the readings, or more, does. Walls hold a
+scan that agrees less when it is shifted by a step of the search along what a match leaves open: a corridor has ends and
+doors that no one keyframe shows."""
 
 _N_FUSED = 3
 """Keyframes whose matches are fused."""
+
+_FAR = 100.0
+"""Ways of more than this variance are not followed, square metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,6 +54,53 @@ class Hit:
     keyframe: int
     here: UncertainPose  # where it puts the scan in the map, the keyframe taken to be where the map has it
     score: float  # how much speaks for the place, in [0, 1]: the match's score, less where it is not sure
+
+
+class MapPrecision:
+    """Relative covariances of the keyframes of a map.
+
+    A map bends where few matches tie its keyframes: a sensor that goes on from one of them to the next then comes to
+    lie beside where the first one has it. Along the best way through the graph, its edges' variances are added: other
+    ways between the two would lower the sum, so that it is never too small.
+    """
+
+    def __init__(self, slam_map: SlamMap) -> None:
+        from scipy.sparse import csr_array  # loads for a good part of a second
+
+        used = slam_map.weights > 0.5
+        ends, cov = np.sort(slam_map.ends[used], axis=1), slam_map.edge_covariances[used]
+        position, rotation = np.maximum(cov[:, 0, 0], cov[:, 1, 1]), cov[:, 2, 2]
+        weights = position + rotation  # the variance of a position 1 m away
+        order = np.argsort(weights, kind="stable")
+        pairs, first = np.unique(ends[order], axis=0, return_index=True)
+        best = order[first]
+        self._poses, n = slam_map.poses, len(slam_map.poses)
+        self._edge = {(i, j): k for (i, j), k in zip(pairs.tolist(), best.tolist(), strict=True)}
+        self._position, self._rotation = position, rotation  # of each edge
+        # by 32 bits, as the searches of SciPy 1.12 have it
+        self._ways = csr_array((weights[best], tuple(pairs.astype(np.int32).T)), shape=(n, n))
+        self._before = lru_cache(maxsize=1)(self._before_each)
+
+    def between(self, i: int, j: int) -> Cov:
+        """Return (3, 3) covariance of keyframe j seen from keyframe i: x, y, theta; the same in any frame."""
+        if i < 0 or i == j:
+            return np.zeros((3, 3))
+        position, rotation, at = 0.0, 0.0, j
+        while at != i:
+            before = int(self._before(i)[at])
+            if before < 0:  # parts that nothing joins, or no better
+                return np.diag([_FAR, _FAR, np.pi**2])
+            edge = self._edge[min(before, at), max(before, at)]
+            position, rotation, at = position + self._position[edge], rotation + self._rotation[edge], before
+        distance = float(np.hypot(*(self._poses[j] - self._poses[i])[:2]))
+        aside = position + rotation * distance**2
+        return np.diag([aside, aside, rotation])
+
+    def _before_each(self, i: int) -> Ints:
+        """Return (n,) the keyframe before each on the best way from one; negative where there is none."""
+        from scipy.sparse.csgraph import dijkstra
+
+        return np.asarray(dijkstra(self._ways, directed=False, indices=i, limit=_FAR, return_predecessors=True)[1])
 
 
 class MapMatcher:
@@ -120,7 +171,7 @@ class MapMatcher:
         # by how much less the map agrees with the scan there than with the keyframe itself
         fits = [self.field.agreement(points, hit.here.pose).score for hit in hits]
         missing = [1.0 - self.misfit(hit.keyframe) - fit for hit, fit in zip(hits, fits, strict=True)]
-        first = hits[int(np.argmax([_SCORE * hit.score - m for hit, m in zip(hits, missing, strict=True)]))]
+        first = hits[int(np.argmax([SCORE * hit.score - m for hit, m in zip(hits, missing, strict=True)]))]
         others = [replace(hit, here=self.seen_from(hit.here, first.keyframe, hit)) for hit in hits if hit is not first]
         return [first, *(hit for hit in others if _agree(first.here, hit))]
 
@@ -142,7 +193,7 @@ class MapMatcher:
         along = np.linalg.eigh(here.cov[:2, :2])[1][:, 1]
         shift = np.array([*(STEP_M * along), 0.0])
         most = max(self.field.agreement(points, place + way * shift).score for way in (-1.0, 1.0))
-        return most <= self.field.agreement(points, place).score - _HELD_SHARE
+        return most <= self.field.agreement(points, place).score - WORSE
 
     def misfit(self, k: int) -> float:
         """Return how much of a keyframe's own scan the map does not agree with: a lot where the map is bent."""
@@ -156,11 +207,6 @@ class MapMatcher:
         origin = UncertainPose(self._map.poses[keyframe], self._map.covariances[keyframe])
         seen = UncertainPose(se2.between(origin.pose, here.pose), np.zeros((3, 3)))
         return around, around.cov + compose(origin, seen).cov
-
-
-def points_of(scan: LaserScan) -> Points:
-    """Return the valid readings of a scan in the frame of the sensor."""
-    return np.ascontiguousarray(scan.points[scan.valid])
 
 
 def fused(hits: list[Hit]) -> UncertainPose:

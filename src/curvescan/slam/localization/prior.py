@@ -1,7 +1,7 @@
 """What is known of the pose before the map is looked at: an initial pose, or the last one moved by the odometry.
 
-The pose is drawn from the prior, or with a small probability from the whole map: a wrong initial pose, a sensor that
-was carried away. A far place is thus less likely by a finite factor, which views outweigh in time.
+The pose is drawn from about the prior, or with a small probability from the whole map: a wrong initial pose, a sensor
+that was carried away. A far place is thus less likely by a finite factor, which views outweigh in time.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, require
 from curvescan.se2.uncertain import UncertainPose, compose
+from curvescan.slam.config import GATE
 from curvescan.types import Bools, Cov, Floats, Points, Pose
 
-INITIAL_COVARIANCE: Cov = np.diag(np.square([0.5, 0.5, math.pi / 12.0]))
+INITIAL_COVARIANCE: Cov = np.diag(np.square([0.5, 0.5, math.radians(15)]))
 """Of an initial pose that comes without one, as AMCL's: 0.5 m and 15 deg."""
 
 LOG_ODDS = 20.0
@@ -29,9 +30,6 @@ match measured its motion."""
 
 _MOST = 3.0
 """The most that views on the way say of a track, in units of agreement: motions that seem sure may err too."""
-
-_NEAR = 9.0
-"""Squared Mahalanobis distance, 3 standard deviations, of places that are looked at whatever others say."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -69,13 +67,15 @@ class Prior:
         off = poses - self.here.pose
         off[:, 2] = se2.wrap(off[:, 2])
         chi_square = np.einsum("ni,ij,nj->n", off, np.linalg.inv(self.here.cov), off)
-        # volume of the prior as a share of the map's: one wider than the map says next to nothing
-        volume = math.sqrt((2.0 * math.pi) ** 3 * float(np.linalg.det(self.here.cov)))
+        # slips have a heavy tail: Student's t of three degrees of freedom, as a pose has
+        volume = math.pi**2 * math.sqrt(27 * float(np.linalg.det(self.here.cov))) / 4
+        # as a share of the map's: a prior wider than the map says next to nothing
         share = min(volume / (2.0 * math.pi * max(area, 1.0)), 1.0)
-        here = math.log(max(1.0 - math.exp(self.astray), 1e-9)) - math.log(share) - 0.5 * chi_square
+        near = -math.log(share) - 3 * np.log1p(chi_square / 3)
+        here = math.log(max(1.0 - math.exp(self.astray), 1e-9)) + near
         return np.asarray(np.logaddexp(here, self.astray))
 
     def is_near(self, places: Points) -> Bools:
-        """Return (n,) whether places (n, 2) are about where the sensor is."""
+        """Return (n,) whether places (n, 2) are about where the sensor is: they are looked at whatever others say."""
         off = places - self.here.pose[:2]
-        return np.asarray(np.einsum("ni,ij,nj->n", off, np.linalg.inv(self.here.cov[:2, :2]), off) < _NEAR)
+        return np.asarray(np.einsum("ni,ij,nj->n", off, np.linalg.inv(self.here.cov[:2, :2]), off) < GATE)
