@@ -99,13 +99,13 @@ class GrowingMap:
             found = measured(result)
             found = UncertainPose(found.pose, noise.edge(found.cov))
             fused, distance = fuse(step, found)
-            if distance < GATE:
-                step = fused
-                if result.degenerate_direction is None:
-                    step, self._open_way, kind = found, 0.0, EdgeKind.MATCH
-            else:
+            if distance >= GATE:
                 off = difference(step.pose, found.pose)
                 step = UncertainPose(step.pose, step.cov + np.outer(off, off))
+            elif result.degenerate_direction is None:
+                step, self._open_way, kind = found, 0.0, EdgeKind.MATCH
+            else:
+                step = fused
         self.graph.add_pose(se2.compose(self.graph.poses[before], step.pose))
         self.graph.add_edge(before, k, step.pose, step.cov, kind)
         self._motions.append(step)

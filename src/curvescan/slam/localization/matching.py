@@ -147,7 +147,7 @@ class MapMatcher:
         return [hit for hit in hits if hit is not None]
 
     def _hit(self, k: int, current: PreparedScan, prior: UncertainPose | None) -> Hit | None:
-        """Return where a match with a keyframe puts a scan; None where it fails or is too likely to be wrong."""
+        """Return where a match puts a scan; None where it fails, or leaves a direction open without a prior."""
         reference = self._keyframes.prepared(k)
         result = current.matcher.match(reference.features, current.features, prior)
         if not result.ok:

@@ -173,14 +173,14 @@ def said(contour: float, fit: float) -> float:
     return min(contour / _CONTOUR_M, 1.0) * (fit - _NEUTRAL)
 
 
-def _chosen(said: Sequence[tuple[Place, float, float]], needed: float) -> Place | None:
+def _chosen(places: Sequence[tuple[Place, float, float]], needed: float) -> Place | None:
     """Return the place of which most is said, where that, and how much less is said of any other, are enough."""
-    if not said:
+    if not places:
         return None
-    rows = np.array([(by_all, by_walls) for _, by_all, by_walls in said]) + [[p.prior] for p, _, _ in said]
+    rows = np.array([(by_all, by_walls) for _, by_all, by_walls in places]) + [[p.prior] for p, _, _ in places]
     best = int(np.argmax(rows[:, 0]))
     # matches do not decide between two places whose walls look alike
     ahead = (rows[best] - np.max(np.delete(rows, best, axis=0), axis=0, initial=-1.0)).tolist()
     most = float(rows[best, 0])
     is_clear = most >= 0.0 and min(ahead) >= _MARGIN and 2.0 * most + ahead[0] >= needed
-    return said[best][0] if is_clear else None
+    return places[best][0] if is_clear else None

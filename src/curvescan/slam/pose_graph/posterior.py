@@ -69,15 +69,6 @@ def variance_factor(distances: Floats, n_poses: int) -> float:
     return (float(distances.sum()) + _PRIOR) / (redundancy + _PRIOR)
 
 
-def rotations(angles: Floats) -> Cov:
-    """Return (n, 3, 3) matrices that turn poses by angles."""
-    turns = np.zeros((len(angles), 3, 3))
-    c, s = np.cos(angles), np.sin(angles)
-    turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = c, -s, s, c
-    turns[:, 2, 2] = 1.0
-    return turns
-
-
 def own_noise(poses: Pose, ends: Ints, covariances: Cov, is_match: Bools) -> Cov:
     """Return (n, 3, 3) covariance of the best of m matches of each keyframe, axes of the map; zeros without any."""
     rows = np.flatnonzero(is_match)
@@ -100,3 +91,12 @@ def with_own_noise(covariances: Cov, poses: Pose, own: Cov, k: int) -> Cov:
     found: Cov = covariances + own + lever @ own[k] @ lever.transpose(0, 2, 1)
     found[k] = covariances[k]
     return found
+
+
+def rotations(angles: Floats) -> Cov:
+    """Return (n, 3, 3) matrices that turn poses by angles."""
+    turns = np.zeros((len(angles), 3, 3))
+    c, s = np.cos(angles), np.sin(angles)
+    turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = c, -s, s, c
+    turns[:, 2, 2] = 1.0
+    return turns

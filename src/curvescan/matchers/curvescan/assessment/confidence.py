@@ -110,10 +110,7 @@ class WeighedPoses:
         if order == sorted(order):
             return self
         poses, scores, evidence = self.poses[order], self.scores[order], self.evidence[order]
-        made = WeighedPoses(poses, scores, evidence, self.priors[order], self.wide_priors[order])
-        known = {name: [getattr(self, name)[k] for k in order] for name in ("_rows", "_terms", "_odds")}
-        made.__dict__.update(known)
-        return made
+        return WeighedPoses(poses, scores, evidence, self.priors[order], self.wide_priors[order])
 
     @cached_property
     def _rows(self) -> list[list[float]]:
