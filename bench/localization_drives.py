@@ -4,7 +4,7 @@ Run as ``python bench/localization_drives.py CACHE LOG...`` on logs that curvesc
 ``robotdata*.log.gz``. Each log makes a map, kept in CACHE; every other log is localized in it. With ``--prior`` also
 with an initial pose 1 m and 20 deg off, with ``--plain`` also in the map's cells alone, with ``--halves`` the halves of
 each log in each other's maps. No truth is needed: right fixes put one map on the other alike, and the placement that
-most poses support is the reference. Of halves it is the map of the whole log, seen from the keyframe that lies nearest,
+most poses of both drives support is the reference. Of halves it is the map of the whole log, seen from the keyframe that lies nearest,
 so that bending elsewhere does not count; how many scans the other half's map shows, and how many of these are given a
 pose, is then printed as well.
 """
@@ -18,7 +18,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -145,23 +145,26 @@ def is_same(drive: Drive, found: Localized, placement: Pose) -> Bools:
     return same
 
 
-def kept_placement(drive: Drive, other: Drive, found: Localized, cache: Path) -> Pose:
-    """Return the placement of two maps that most known poses support, of NaN where nothing was found.
+def placement_of(drive: Drive, found: Localized, other: Drive, back: Localized) -> Pose:
+    """Return the placement of a drive's map in another's that both drives support most; NaN where neither was found.
 
-    One that more than half of the poses of a run without a guess support is kept for all later runs.
+    One way alone may be false in most of its poses. found: The drive in the other's map; back: the other in its map.
     """
-    file = cache / f"{drive.log.name}-in-{other.log.name}.npy"
-    known = np.flatnonzero(found.is_known)
-    if file.exists() or not len(known):
-        kept: Pose = np.load(file) if file.exists() else np.full(3, np.nan)
-        return kept
-    tried = known[np.linspace(0, len(known) - 1, min(len(known), 60)).astype(int)]
-    each = placements(drive, found, tried)
-    shares = np.array([np.mean(is_same(drive, found, placement)[known]) for placement in each])
-    best = int(np.argmax(shares))
-    if shares[best] > 0.5:
-        np.save(file, each[best])
-    return each[best]
+    known = np.flatnonzero(found.is_known), np.flatnonzero(back.is_known)
+    each = np.vstack([placements(drive, found, _some(known[0])), se2.inverse(placements(other, back, _some(known[1])))])
+    if not len(each):
+        return np.full(3, np.nan)
+    shares = [
+        float(np.mean(is_same(drive, found, placement)) + np.mean(is_same(other, back, se2.inverse(placement))))
+        for placement in each
+    ]
+    best: Pose = each[int(np.argmax(shares))]
+    return best
+
+
+def _some(rows: Ints) -> Ints:
+    some: Ints = rows[np.linspace(0, len(rows) - 1, min(len(rows), 60)).astype(int)]
+    return some
 
 
 def same_as_whole(own: Pose, other: Drive, other_in_whole: Pose) -> Callable[[Localized], Bools]:
@@ -235,16 +238,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # of each half, where its scans are in the map of the whole
     parts = [whole.poses[k * (len(whole.poses) // 2) :][: len(whole.poses) // 2] for whole in wholes for k in (0, 1)]
     sys.stdout.write("| drive in map | fixes | false | first at scan | with a pose | false poses | ms a scan |\n")
+
+    @cache
+    def way(i: int, j: int) -> Localized:
+        return localized(drives[i], drives[j].slam_map)
+
     for i, j in itertools.permutations(range(len(drives)), 2):
         if (given.only and given.only != f"{i + 1},{j + 1}") or (given.halves and i // 2 != j // 2):
             continue
         drive, other = drives[i], drives[j]
-        found = localized(drive, other.slam_map)
+        found = way(i, j)
         if given.halves:
             same = same_as_whole(parts[i], other, parts[j])
             begin = first_of_whole(parts[i], other, parts[j])
         else:
-            placement = kept_placement(drive, other, found, given.cache)
+            placement = placement_of(drive, found, other, way(j, i))
             same = partial(is_same, drive, placement=placement)
             begin = se2.compose(placement, drive.poses[0])
         name = f"{i + 1} in {j + 1}"
