@@ -27,7 +27,7 @@ from curvescan.types import Floats, Pose
 
 _N_TOP = 5  # poses that are judged beside one another, at most
 _AS_GOOD = 0.93  # a pose with this share of the best score is as good
-_FINE_STEP = 0.05  # metres at the typical reading: steps in which the best place along a direction is looked for
+_FINE_STEP = 0.5 * SAME  # metres at the typical reading: steps in which the best place along a direction is looked for
 _MAX_TURN = 0.5  # radians: turns along it are tried up to this angle
 _FINISH = (*FINE, _N_TOP, 4096, SAME)
 
