@@ -39,7 +39,7 @@ _SHARE = 0.7
 # Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn.
 _LEAST_SHIFT = 0.5
 _MAX_CANDIDATES = 8
-_BOX = 2.0  # metres from corner to corner of what agrees: in less a robot turns round
+_BOX = 2.3  # metres from corner to corner of what agrees: in less a robot turns round
 _STILL = -0.015  # log odds of the prior from which on it speaks for the pose there: 0.35 m, 20 degrees
 
 

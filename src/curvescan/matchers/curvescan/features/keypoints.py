@@ -21,13 +21,14 @@ from curvescan.types import Floats, Ints
 FX, FY, DIRECTION, TURN, KIND = range(5)
 BEGIN, END = 10, 20  # kinds of the first and last reading of a surface; a corner's kind is the number of its arm
 _MIN_READINGS = 5  # readings of a surface that has corners: two arms of two, and one between them
-# Square of the share of an arm, 0.6, that its last reading must reach: what is shorter is another arm's.
-_REACHED2 = 0.36
+# Square of the share of an arm that its last reading must reach, 0.7: what is shorter is another arm's.
+_ARM_REACHED2 = 0.49
 # Square of how far from its reading, in arms, two lines may meet for a corner to be taken there: half an arm.
 _MEETING2 = 0.5 * 0.5
 # Variance of the tilt of a line through n readings, evenly spaced: 12 / n times that of a reading, for arms of one
 # metre.
 _TILT2 = 12
+_END_REACHED2 = 0.36  # square of the share of its arm, 0.6, that the line to an end of a surface must have
 _GRAZED = 0.2  # sine of the angle of incidence, 12 degrees, below which the place of an end depends on where one stands
 
 
@@ -53,7 +54,7 @@ def measure_bends(
     not touched, where a surface is straight or an arm too short.
     """
     arm2 = arm * arm
-    least2 = _REACHED2 * arm2
+    least2 = _ARM_REACHED2 * arm2
     bend[:] = 0.0
     for s in range(bounds.size - 1):
         start, stop = bounds[s], bounds[s + 1]
@@ -198,7 +199,7 @@ def with_ends(
                     break
                 far = dx * dx + dy * dy
                 k += way
-            if abs(k - i) < 3 or far < _REACHED2 * arm * arm:
+            if abs(k - i) < 3 or far < _END_REACHED2 * arm * arm:
                 continue
             low, high = min(i, k), max(i, k)
             dx, dy = readings[high, X] - readings[low, X], readings[high, Y] - readings[low, Y]

@@ -31,11 +31,10 @@ _MAX_SLOTS = 1 << 16
 # be.
 _GAP_STEPS = 1.5
 _ONE_TURN = 1e-9  # radians: rounding of a beam that stands a full turn after the first
-
 _TINY = 1e-300  # so that the origin is not divided by zero
 
-# Coefficients of the odd powers of the arc tangent on [0, 1] from the third to the seventeenth, by least squares at places
-# that crowd at both ends as Chebyshev's do, so that the largest error is small; rounded, so that all machines agree.
+# Coefficients of the odd powers of the arc tangent on [0, 1], from the third on, by least squares at places that crowd
+# at both ends as Chebyshev's do; rounded, so that all machines agree.
 _PLACES = np.cos(np.arange(1, 128, 2) * math.pi / 256)
 _POWERS = _PLACES[:, np.newaxis] ** np.arange(3, 18, 2)
 _ATAN = tuple(np.linalg.lstsq(_POWERS, np.arctan(_PLACES) - _PLACES, rcond=None)[0].round(9).tolist())
