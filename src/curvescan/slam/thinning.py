@@ -122,8 +122,6 @@ def _edges_at(graph: PoseGraph, v: int) -> Ints:
 
 def _other_end(graph: PoseGraph, row: int, v: int) -> tuple[int, UncertainPose]:
     """Return the other end of an edge, and how pose v sees it."""
-    (i, j), edge = (
-        graph.ends[row].tolist(),
-        UncertainPose(graph.measured[row].copy(), graph.edge_covariances[row].copy()),
-    )
+    i, j = graph.ends[row].tolist()
+    edge = UncertainPose(graph.measured[row].copy(), graph.edge_covariances[row].copy())
     return (j, edge) if i == v else (i, inverse(edge))

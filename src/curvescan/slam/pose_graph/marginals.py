@@ -42,7 +42,7 @@ def seen_from(poses: Pose, covariances: Cov, k: int) -> tuple[Pose, Cov]:
     jac[:, 0, 0], jac[:, 0, 1], jac[:, 0, 2] = -c, -s, relative[:, 1]
     jac[:, 1, 0], jac[:, 1, 1], jac[:, 1, 2] = s, -c, -relative[:, 0]
     jac[:, 2, 2] = -1.0
-    return relative, jac @ covariances @ jac.transpose(0, 2, 1)
+    return relative, jac @ covariances @ jac.transpose(0, 2, 1).copy()
 
 
 def closed_factor(lower: Any, matrix: Any, order: Ints) -> tuple[Ints, Ints, Floats]:
