@@ -70,8 +70,10 @@ def fill_columns(indptr: Ints, indices: Ints, order: Ints, row_of: Ints, end: In
     size = len(order)
     parent, mark = np.full(size, size, dtype=np.int64), np.full(size, size, dtype=np.int64)
     for i in range(size):
-        for a in range(indptr[row_of[i]] - 1, indptr[row_of[i] + 1]):
-            column = i if a < indptr[row_of[i]] else order[indices[a]]  # the diagonal first
+        row = row_of[i]
+        for a in range(indptr[row] - 3, indptr[row + 1]):
+            # the 3 by 3 blocks on the diagonal of A stand, too, zeros and all
+            column = order[indices[a] if a >= indptr[row] else row - row % 3 + indptr[row] - 1 - a]
             while column <= i and mark[column] != i:
                 mark[column] = i
                 if len(found):
