@@ -201,7 +201,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "(ground)": (1601, 32, 0),
     "benchmarks": (485, 23, 0),
     "cli": (2477, 15, 0),
-    "diagnostics": (1933, 57, 0),
+    "diagnostics": (1928, 57, 0),
     "evaluation": (828, 15, 0),
     "io": (5857, 38, 0),
     "live": (2763, 41, 0),
