@@ -137,7 +137,8 @@ def _clique(links: Bools) -> Ints:
         if kept == 0:
             if depth + 1 > n_best:
                 n_best = depth + 1
-                best[:n_best] = current[:n_best]
+                for k in range(n_best):
+                    best[k] = current[k]
             continue
         depth += 1
         n_candidates[depth], upcoming[depth] = kept, 0
