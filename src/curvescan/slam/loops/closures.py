@@ -163,10 +163,13 @@ def log_odds(closure: Closure) -> float:
 
 
 def difference(one: Pose, other: Pose) -> Pose:
-    """Return the second pose minus the first, angles wrapped."""
-    off = other - one
-    off[2] = se2.wrap(off[2])
-    return off
+    """Return by how much the second pose is off the first: of a little, their difference.
+
+    A turn about any place is a straight line, however far it goes: as uncertain as the heading is, so far off is what
+    lies behind a turn that was not measured.
+    """
+    x, y, turn = se2.log(se2.compose(other, se2.inverse(one))).tolist()
+    return np.array([x - one[1] * turn, y + one[0] * turn, turn])
 
 
 def expectation_of(off: Pose, cov: Cov, config: SlamConfig) -> float:

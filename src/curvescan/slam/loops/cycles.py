@@ -20,11 +20,12 @@ class Chain(NamedTuple):
 
     poses: Pose  # (n, 3): of the keyframes
     gathered: Cov  # (n, 3, 3): covariance that the motions have gathered by each; see :func:`gathered_covariances`
+    profiles: Floats  # (n, 2, N_SECTORS): what each sees; see :func:`overlap.range_profile`
 
     @classmethod
-    def of(cls, poses: Pose, motions: Cov) -> Chain:
-        """Return a chain by its (n, 3) poses and (n, 3, 3) covariance of the motion to each."""
-        return cls(poses, gathered_covariances(poses, motions))
+    def of(cls, poses: Pose, motions: Cov, profiles: Floats) -> Chain:
+        """Return a chain by its (n, 3) poses, (n, 3, 3) covariance of the motion to each, and what each sees."""
+        return cls(poses, gathered_covariances(poses, motions), profiles)
 
 
 @kernel
