@@ -2,9 +2,9 @@
 
 Pairs agree when the cycle through both closes within its covariance; a set in which all do is a clique (Mangelson,
 Dominic, Eustice and Vasudevan, "Pairwise consistent measurement set maximization for robust multi-robot map merging",
-ICRA 2018). What looks alike does so from wherever it is seen: a match adds to the odds of its set by the share of what
-its later keyframe sees that those that counted before do not. One place may look like another for a stretch, so that
-the sum is bounded.
+ICRA 2018). Views of one place err alike: a match adds to the odds of its set in proportion to the way since the last
+one that counted. What looks alike does so from wherever it is seen: the set says no more than one sure match for each
+view's worth of surface that it sees. One place may look like another for a stretch, so that the sum is bounded.
 """
 
 from __future__ import annotations
@@ -13,12 +13,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.loops.closures import Closure, log_odds
+from curvescan.slam.loops.closures import MOST_ODDS, Closure, log_odds
 from curvescan.slam.loops.cycles import Chain, cycle_distances
 from curvescan.slam.loops.overlap import new_shares
-from curvescan.types import Bools, Ints
+from curvescan.types import Bools, Floats, Ints, Pose
+
+_VIEW_M = 2.0
+"""Views this far apart show different surfaces, metres."""
 
 MOST_LOG_ODDS = 14.0
 """Most that the matches of a set say together: one building in a million looks the same over a stretch of the way."""
@@ -79,12 +83,25 @@ def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
     """Return the log odds of a set: of its views, and of where the graph expects them."""
     if not len(members):
         return 0.0
-    chosen = sorted((pool[k] for k in members.tolist()), key=log_odds, reverse=True)
-    later = [c.j for c in chosen]
-    new = new_shares(chain.profiles[later], chain.poses[later])
-    total = float(new @ [log_odds(c) for c in chosen])
+    chosen = [pool[k] for k in members.tolist()]
+    said = np.array([log_odds(c) for c in chosen])
+    ends = np.array([(c.i, c.j) for c in chosen])
+    apart = _apart(chain.poses[ends])
+    total, new = 0.0, np.full(len(chosen), _VIEW_M)  # metres from the nearest one that counted
+    for k in np.argsort(-said, kind="stable").tolist():
+        if new[k] > 0.0:
+            total += float(new[k] / _VIEW_M * said[k])
+            np.minimum(new, apart[k], out=new)
+    later = np.unique(ends[:, 1])
+    surface = float(new_shares(chain.profiles[later], chain.poses[later]).sum())
     expectation = float(np.mean([c.expectation for c in chosen]))
-    return min(total, MOST_LOG_ODDS) + expectation
+    return min(total, MOST_ODDS * surface, MOST_LOG_ODDS) + expectation
+
+
+def _apart(ends: Pose) -> Floats:
+    """Return (n, n) how much (n, 2, 3) ends of closures differ along the odometry, metres; a radian counts as one."""
+    off = ends[:, np.newaxis] - ends
+    return np.asarray((np.hypot(off[..., 0], off[..., 1]) + np.abs(se2.wrap(off[..., 2]))).max(axis=-1))
 
 
 def largest_clique(agrees: Bools) -> Ints:
