@@ -3,8 +3,8 @@
 Pairs agree when the cycle through both closes within its covariance; a set in which all do is a clique (Mangelson,
 Dominic, Eustice and Vasudevan, "Pairwise consistent measurement set maximization for robust multi-robot map merging",
 ICRA 2018). Views of one place err alike: a match adds to the odds of its set in proportion to the way since the last
-one that counted. What looks alike does so from wherever it is seen: the set says no more than one sure match for each
-view's worth of surface that it sees. One place may look like another for a stretch, so that the sum is bounded.
+one that counted. What looks alike does so from wherever it is seen: a set says no more than a sure match for each
+view's worth of surface that it shows.
 """
 
 from __future__ import annotations
@@ -23,9 +23,6 @@ from curvescan.types import Bools, Floats, Ints, Pose
 
 _VIEW_M = 2.0
 """Views this far apart show different surfaces, metres."""
-
-MOST_LOG_ODDS = 14.0
-"""Most that the matches of a set say together: one building in a million looks the same over a stretch of the way."""
 
 _MOST_BRANCHES = 20_000
 
@@ -83,19 +80,18 @@ def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
     """Return the log odds of a set: of its views, and of where the graph expects them."""
     if not len(members):
         return 0.0
-    chosen = [pool[k] for k in members.tolist()]
-    said = np.array([log_odds(c) for c in chosen])
+    chosen = sorted((pool[k] for k in members.tolist()), key=log_odds, reverse=True)
     ends = np.array([(c.i, c.j) for c in chosen])
     apart = _apart(chain.poses[ends])
     total, new = 0.0, np.full(len(chosen), _VIEW_M)  # metres from the nearest one that counted
-    for k in np.argsort(-said, kind="stable").tolist():
+    for k, one in enumerate(chosen):
         if new[k] > 0.0:
-            total += float(new[k] / _VIEW_M * said[k])
+            total += float(new[k]) / _VIEW_M * log_odds(one)
             np.minimum(new, apart[k], out=new)
-    later = np.unique(ends[:, 1])
+    later = ends[:, 1]
     surface = float(new_shares(chain.profiles[later], chain.poses[later]).sum())
     expectation = float(np.mean([c.expectation for c in chosen]))
-    return min(total, MOST_ODDS * surface, MOST_LOG_ODDS) + expectation
+    return min(total, MOST_ODDS * surface) + expectation
 
 
 def _apart(ends: Pose) -> Floats:
