@@ -46,6 +46,7 @@ class OpenDrive(NamedTuple):
     # since the keyframe
     turned: float = 0.0  # radians
     is_open: bool = False  # whether a scan left a direction open, or everything
+    n_turns: int = 0  # scans that left a turn open
 
     def begun(self) -> OpenDrive:
         """Return what is hidden at a new keyframe."""
@@ -56,7 +57,9 @@ class OpenDrive(NamedTuple):
         """Return what is hidden after a step of the odometry."""
         motion, turned = step.motion[:2], self.turned + float(step.motion[2])
         after = self._replace(turned=turned)
-        direction = _open_direction(step)
+        direction, is_turn = _open_direction(step)
+        if is_turn:
+            after = after._replace(n_turns=self.n_turns + 1)
         if direction is None:
             n_measured = self.n_measured + step.is_matched
             usual = self.usual + (motion - self.usual) / min(max(n_measured, 1), _MEMORY)
@@ -68,7 +71,13 @@ class OpenDrive(NamedTuple):
         return after._replace(hidden=self.hidden + hidden, since=self.since + hidden)
 
     def known(self, motion: UncertainPose) -> UncertainPose:
-        """Return the motion since the keyframe as well as it is known: along what is open by what may be hidden."""
+        """Return the motion since the keyframe as well as it is known: along what is open by what may be hidden.
+
+        Of turns in a row that no match measures the standard deviations add up, and not the variances.
+        """
+        if self.n_turns > 1:
+            added = np.diag([0.0, 0.0, (self.n_turns - 1) * motion.cov[2, 2]])
+            motion = UncertainPose(motion.pose, motion.cov + added)
         if not (self.is_open and self.n_measured):
             return motion
         across = float(np.linalg.eigvalsh(motion.cov[:2, :2])[0])
@@ -80,16 +89,19 @@ class OpenDrive(NamedTuple):
         return UncertainPose(motion.pose, cov)
 
 
-def _open_direction(step: Step) -> Floats | None:
-    """Return the (2, 2) projection on what a step left open, frame of the sensor before; None where it measured all."""
+def _open_direction(step: Step) -> tuple[Floats | None, bool]:
+    """Return the (2, 2) projection on the way that a step left open, frame of the sensor before, and whether a turn was.
+
+    None where it measured all of the way.
+    """
     if not step.is_matched:
-        return None if step.outcome is StepOutcome.STARTED else np.eye(2)
+        return None if step.outcome is StepOutcome.STARTED else np.eye(2), False
     if step.match is None or step.match.degenerate_direction is None:
-        return None
+        return None, False
     x, y, turn = step.match.degenerate_direction.tolist()  # frame of the keyframe that the match is with
     seen = _turned(np.array([x, y]), float(step.motion[2] - step.match.pose[2]))
     way = math.hypot(*seen.tolist())
-    return None if way <= abs(turn) else np.outer(seen / way, seen / way)
+    return (None, True) if way <= abs(turn) else (np.outer(seen / way, seen / way), False)
 
 
 def _turned(vector: Floats, angle: float) -> Floats:

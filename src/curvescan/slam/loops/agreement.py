@@ -2,9 +2,8 @@
 
 Pairs agree when the cycle through both closes within its covariance; a set in which all do is a clique (Mangelson,
 Dominic, Eustice and Vasudevan, "Pairwise consistent measurement set maximization for robust multi-robot map merging",
-ICRA 2018). Views of one place err alike: a match adds to the odds of its set in proportion to the way since the last
-one that counted. What looks alike does so from wherever it is seen: a set says no more than a sure match for each
-view's worth of surface that it shows.
+ICRA 2018). What looks alike does so from wherever it is seen: a set says no more than a sure match for each view's
+worth of surface that its later keyframes see.
 """
 
 from __future__ import annotations
@@ -13,16 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.closures import MOST_ODDS, Closure, log_odds
 from curvescan.slam.loops.cycles import Chain, cycle_distances
 from curvescan.slam.loops.overlap import new_shares
-from curvescan.types import Bools, Floats, Ints, Pose
-
-_VIEW_M = 2.0
-"""Views this far apart show different surfaces, metres."""
+from curvescan.types import Bools, Ints
 
 _MOST_BRANCHES = 20_000
 
@@ -81,23 +76,10 @@ def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
     if not len(members):
         return 0.0
     chosen = sorted((pool[k] for k in members.tolist()), key=log_odds, reverse=True)
-    ends = np.array([(c.i, c.j) for c in chosen])
-    apart = _apart(chain.poses[ends])
-    total, new = 0.0, np.full(len(chosen), _VIEW_M)  # metres from the nearest one that counted
-    for k, one in enumerate(chosen):
-        if new[k] > 0.0:
-            total += float(new[k]) / _VIEW_M * log_odds(one)
-            np.minimum(new, apart[k], out=new)
-    later = ends[:, 1]
+    later = [c.j for c in chosen]
     surface = float(new_shares(chain.profiles[later], chain.poses[later]).sum())
     expectation = float(np.mean([c.expectation for c in chosen]))
-    return min(total, MOST_ODDS * surface) + expectation
-
-
-def _apart(ends: Pose) -> Floats:
-    """Return (n, n) how much (n, 2, 3) ends of closures differ along the odometry, metres; a radian counts as one."""
-    off = ends[:, np.newaxis] - ends
-    return np.asarray((np.hypot(off[..., 0], off[..., 1]) + np.abs(se2.wrap(off[..., 2]))).max(axis=-1))
+    return min(sum(map(log_odds, chosen)), MOST_ODDS * surface) + expectation
 
 
 def largest_clique(agrees: Bools) -> Ints:
