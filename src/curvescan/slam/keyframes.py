@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections import OrderedDict
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,9 +55,6 @@ class Keyframes:
 
     def __getitem__(self, k: int) -> Keyframe:
         return self._all[k]
-
-    def __iter__(self) -> Iterator[Keyframe]:
-        return iter(self._all)
 
     def add(self, scan: LaserScan, index: int, session: int = 0) -> int:
         """Append a keyframe and return its row."""

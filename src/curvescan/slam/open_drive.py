@@ -56,10 +56,8 @@ class OpenDrive(NamedTuple):
     def added(self, step: Step) -> OpenDrive:
         """Return what is hidden after a step of the odometry."""
         motion, turned = step.motion[:2], self.turned + float(step.motion[2])
-        after = self._replace(turned=turned)
-        direction, is_turn = _open_direction(step)
-        if is_turn:
-            after = after._replace(n_turns=self.n_turns + 1)
+        after = self._replace(turned=turned, n_turns=self.n_turns + _leaves_turn_open(step))
+        direction = _open_direction(step)
         if direction is None:
             n_measured = self.n_measured + step.is_matched
             usual = self.usual + (motion - self.usual) / min(max(n_measured, 1), _MEMORY)
@@ -89,19 +87,22 @@ class OpenDrive(NamedTuple):
         return UncertainPose(motion.pose, cov)
 
 
-def _open_direction(step: Step) -> tuple[Floats | None, bool]:
-    """Return the (2, 2) projection on the way that a step left open, frame of the sensor before, and whether a turn was.
+def _leaves_turn_open(step: Step) -> bool:
+    """Return whether a step measured all but a turn, in a round room."""
+    direction = step.match.degenerate_direction if step.is_matched and step.match is not None else None
+    return direction is not None and math.hypot(direction[0], direction[1]) <= abs(direction[2])
 
-    None where it measured all of the way.
-    """
+
+def _open_direction(step: Step) -> Floats | None:
+    """Return the (2, 2) projection on the way that a step left open, frame of the sensor before; None where none."""
     if not step.is_matched:
-        return None if step.outcome is StepOutcome.STARTED else np.eye(2), False
-    if step.match is None or step.match.degenerate_direction is None:
-        return None, False
-    x, y, turn = step.match.degenerate_direction.tolist()  # frame of the keyframe that the match is with
+        return None if step.outcome is StepOutcome.STARTED else np.eye(2)
+    if step.match is None or step.match.degenerate_direction is None or _leaves_turn_open(step):
+        return None
+    x, y, _ = step.match.degenerate_direction.tolist()  # frame of the keyframe that the match is with
     seen = _turned(np.array([x, y]), float(step.motion[2] - step.match.pose[2]))
     way = math.hypot(*seen.tolist())
-    return (None, True) if way <= abs(turn) else (np.outer(seen / way, seen / way), False)
+    return np.outer(seen / way, seen / way)
 
 
 def _turned(vector: Floats, angle: float) -> Floats:

@@ -15,7 +15,6 @@ from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.agreement import agreements, largest_clique
 from curvescan.slam.loops.closures import Closure, difference, expectation_of
 from curvescan.slam.loops.cycles import Chain
-from curvescan.slam.loops.overlap import N_SECTORS
 from curvescan.types import Floats, Ints, Pose
 
 _N_KEYFRAMES = 5
@@ -84,7 +83,7 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
     """
     sure = (_held_against(c, poses, config) for c in tried if c.confidence >= _SURE)
     rest = sorted((c for c in sure if c is not None), key=lambda c: (c.j, c.i))
-    chain = Chain.of(poses, np.zeros((len(poses), 3, 3)), np.empty((0, 2, N_SECTORS)))
+    chain = Chain.of(poses, np.zeros((len(poses), 3, 3)), np.empty(0))
     found: list[list[Closure]] = []
     while rest:
         near = [c for c in rest if abs(c.j - rest[0].j) <= N_NEAR and abs(c.i - rest[0].i) <= N_NEAR]

@@ -163,11 +163,7 @@ def log_odds(closure: Closure) -> float:
 
 
 def difference(one: Pose, other: Pose) -> Pose:
-    """Return by how much the second pose is off the first: of a little, their difference.
-
-    A turn about any place is a straight line, however far it goes: as uncertain as the heading is, so far off is what
-    lies behind a turn that was not measured.
-    """
+    """Return by how much the second pose is off: what lies behind a turn is off along one line, however far it goes."""
     x, y, turn = se2.log(se2.compose(other, se2.inverse(one))).tolist()
     return np.array([x - one[1] * turn, y + one[0] * turn, turn])
 

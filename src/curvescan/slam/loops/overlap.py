@@ -58,8 +58,8 @@ def new_shares(profiles: Floats, poses: Pose) -> Floats:
             dx, dy = poses[n, 0] - poses[b, 0], poses[n, 1] - poses[b, 1]
             x, y, theta = c * dx + s * dy, c * dy - s * dx, poses[n, 2] - poses[b, 2]
             for k in np.flatnonzero(is_new):
-                is_new[k] = not _is_seen(k, profiles[n], profiles[b], x, y, theta)
-        shares[n] = np.count_nonzero(is_new) / max(n_all, 1)
+                is_new[k] = not _is_seen(int(k), profiles[n], profiles[b], x, y, theta)
+        shares[n] = float(np.count_nonzero(is_new)) / max(float(n_all), 1.0)
     return shares
 
 
