@@ -182,8 +182,8 @@ NAMED = (
     _named(
         "views of one place are independent witnesses",
         "slam/loops/agreement.py",
-        "min(sum(map(log_odds, chosen)), MOST_ODDS * surface)",
-        "sum(map(log_odds, chosen))",
+        "total += float(new[k] / _VIEW_M * said[k])",
+        "total += float(said[k])",
         "slam/test_agreement.py",
     ),
     _named(

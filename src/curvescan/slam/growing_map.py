@@ -119,7 +119,7 @@ class GrowingMap:
         poses = self.graph.poses.copy()
         for k in range(self.belief.n, len(poses)):
             poses[k] = se2.compose(poses[k - 1], self._motions[k].pose)
-        return Chain.of(poses, np.array([motion.cov for motion in self._motions]), self.keyframes.profiles)
+        return Chain.of(poses, np.array([motion.cov for motion in self._motions]))
 
     def close(self, closure: Closure) -> None:
         """Make a closure an edge, and take the newest keyframe to where it says."""

@@ -2,20 +2,26 @@
 
 Pairs agree when the cycle through both closes within its covariance; a set in which all do is a clique (Mangelson,
 Dominic, Eustice and Vasudevan, "Pairwise consistent measurement set maximization for robust multi-robot map merging",
-ICRA 2018). What looks alike does so from wherever it is seen: a set says no more than a sure match for each view's
-worth of surface that its later keyframes see.
+ICRA 2018). Views of one place err alike: a match adds to the odds of its set in proportion to the way since the last
+one that counted. One place may look like another for a stretch, so that the sum is bounded.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.loops.closures import MOST_ODDS, Closure, log_odds
+from curvescan.slam.loops.closures import Closure, log_odds
 from curvescan.slam.loops.cycles import Chain, cycle_distances
-from curvescan.slam.loops.overlap import new_shares
-from curvescan.types import Bools, Ints
+from curvescan.types import Bools, Floats, Ints, Pose
+
+_VIEW_M = 2.0
+"""Views this far apart show different surfaces, metres."""
+
+MOST_LOG_ODDS = 14.0
+"""Most that the matches of a set say together: one building in a million looks the same over a stretch of the way."""
 
 _MOST_BRANCHES = 20_000
 
@@ -56,18 +62,29 @@ def agreements(pool: list[Closure], chain: Chain, config: SlamConfig, known: flo
     ends = np.array([(c.i, c.j) for c in pool], dtype=np.int64)
     measured, covariances = np.array([c.pose for c in pool]), np.array([c.covariance for c in pool])
     spread, step = np.diagonal(config.noise.spread).copy(), config.keyframes.distance
-    return np.asarray(cycle_distances(ends, measured, covariances, *chain[:2], spread, step, known) < GATE)
+    return np.asarray(cycle_distances(ends, measured, covariances, *chain, spread, step, known) < GATE)
 
 
 def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
     """Return the log odds of a set: of its views, and of where the graph expects them."""
     if not len(members):
         return 0.0
-    chosen = sorted((pool[k] for k in members.tolist()), key=log_odds, reverse=True)
-    later = [c.j for c in chosen]
-    surface = float(new_shares(chain.profiles[later], chain.poses[later]).sum())
+    chosen = [pool[k] for k in members.tolist()]
+    said = np.array([log_odds(c) for c in chosen])
+    apart = _apart(chain.poses[np.array([(c.i, c.j) for c in chosen])])
+    total, new = 0.0, np.full(len(chosen), _VIEW_M)  # metres from the nearest one that counted
+    for k in np.argsort(-said, kind="stable").tolist():
+        if new[k] > 0.0:
+            total += float(new[k] / _VIEW_M * said[k])
+            np.minimum(new, apart[k], out=new)
     expectation = float(np.mean([c.expectation for c in chosen]))
-    return min(sum(map(log_odds, chosen)), MOST_ODDS * surface) + expectation
+    return min(total, MOST_LOG_ODDS) + expectation
+
+
+def _apart(ends: Pose) -> Floats:
+    """Return (n, n) how much (n, 2, 3) ends of closures differ along the odometry, metres; a radian counts as one."""
+    off = ends[:, np.newaxis] - ends
+    return np.asarray((np.hypot(off[..., 0], off[..., 1]) + np.abs(se2.wrap(off[..., 2]))).max(axis=-1))
 
 
 def largest_clique(agrees: Bools) -> Ints:

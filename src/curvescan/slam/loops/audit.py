@@ -83,7 +83,7 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
     """
     sure = (_held_against(c, poses, config) for c in tried if c.confidence >= _SURE)
     rest = sorted((c for c in sure if c is not None), key=lambda c: (c.j, c.i))
-    chain = Chain.of(poses, np.zeros((len(poses), 3, 3)), np.empty(0))
+    chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
     found: list[list[Closure]] = []
     while rest:
         near = [c for c in rest if abs(c.j - rest[0].j) <= N_NEAR and abs(c.i - rest[0].i) <= N_NEAR]

@@ -20,12 +20,11 @@ class Chain(NamedTuple):
 
     poses: Pose  # (n, 3): of the keyframes
     gathered: Cov  # (n, 3, 3): covariance that the motions have gathered by each; see :func:`gathered_covariances`
-    profiles: Floats  # (n, 2, N_SECTORS): what each sees; see :func:`overlap.range_profile`
 
     @classmethod
-    def of(cls, poses: Pose, motions: Cov, profiles: Floats) -> Chain:
-        """Return a chain by its (n, 3) poses, (n, 3, 3) covariance of the motion to each, and what each sees."""
-        return cls(poses, gathered_covariances(poses, motions), profiles)
+    def of(cls, poses: Pose, motions: Cov) -> Chain:
+        """Return a chain by its (n, 3) poses and (n, 3, 3) covariance of the motion to each."""
+        return cls(poses, gathered_covariances(poses, motions))
 
 
 @kernel
@@ -147,5 +146,5 @@ def gathered_covariances(poses: Pose, motions: Cov) -> Cov:
     moved[1:, 0, 0], moved[1:, 0, 1], moved[1:, 0, 2] = c, -s, poses[1:, 1]
     moved[1:, 1, 0], moved[1:, 1, 1], moved[1:, 1, 2] = s, c, -poses[1:, 0]
     moved[1:, 2, 2] = 1.0
-    found: Cov = np.cumsum(moved @ motions @ moved.transpose(0, 2, 1), axis=0)
+    found: Cov = np.cumsum(moved @ motions @ moved.transpose(0, 2, 1).copy(), axis=0)
     return found
