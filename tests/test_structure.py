@@ -213,7 +213,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "odometry": (2010, 29, 20),
     "paper": (1608, 84, 0),
     "plots": (736, 37, 0),
-    "runs": (1395, 14, 0),
+    "runs": (1376, 14, 0),
     "runs/batch": (1632, 5, 0),
     "se2": (387, 0, 0),
     "simulation": (1947, 85, 0),
