@@ -2,8 +2,9 @@
 
 Each view brings poses at which its scan ends on walls, and earlier ones carried on by the odometry. "Not in the map" is
 one of the places: it ends on walls about as well as any other place, and a pose gathers support by how much better its
-view agrees with the map. A view, or several together, choose a place by one rule: what they say of it, and how far it
-is ahead of any other, must be enough. Several must say more: views along a corridor err alike.
+view agrees with the map. A view, or several together, choose a place by one rule: what they say of it, how far it is
+ahead of any other, and what matches there say, must be enough. Several must say more after views that fitted nowhere:
+a corridor outside the map looks like one inside for long.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from curvescan.slam.localization.correlative import (
     thinned,
 )
 from curvescan.slam.localization.field import DistanceField, points_of
-from curvescan.slam.localization.matching import SCORE, Hit
+from curvescan.slam.localization.matching import Hit
 from curvescan.slam.localization.prior import LOG_ODDS, Prior
 from curvescan.types import Floats, Ints, Points, Pose
 
@@ -45,12 +46,12 @@ _MOST_AGAINST = 0.15
 _CONTOUR_M = 10.0
 """A view of a shorter contour says less, in proportion, metres: three sides of a booth fit in many places."""
 
-_ONE_VIEW, _SEVERAL_VIEWS = 1.0, 3.5
-"""Needed of one view, and of all views together: twice what they say of a place, and how much less they say of any
-other. Of 7,000 scans alone, within and without the map: docs/design-notes/localization.md."""
+_NEEDED = 0.9
+"""Needed of one view, or of all views together: what they say of a place, its lead over any other, and half the scores
+of matches there. Of 6,300 scans alone and 160 starts: docs/design-notes/localization.md."""
 
 _MARGIN = 0.1
-"""They say so much less, at least, of any other place."""
+"""A view speaks more for one place than for another by so much, at least, where it is clear."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,10 +59,8 @@ class Place:
     """A pose of the sensor that the scans so far speak for."""
 
     pose: Pose  # (3,): in the map
-    walls: float  # how much the last view speaks for it by its walls
-    view: float  # and with what a match says
-    wall_support: float  # the sums of both over the views
-    support: float
+    view: float  # how much the last view speaks for it
+    support: float  # the sum over the views
     prior: float = 0.0  # what was known before says of it, where the sensor is now
 
 
@@ -70,22 +69,26 @@ class Views:
     """What the views so far say of places in a map."""
 
     found: Sequence[Place]  # the likeliest first, none the same
+    n_nowhere: int = 0  # of them that speak for no place: the sensor was outside the map, or the map has changed
 
     @property
-    def winner(self) -> Place | None:
-        """The place for which the last view, or all views together, speak clearly more than for any other."""
-        best = _chosen([(place, place.view, place.walls) for place in self.found], _ONE_VIEW)
-        # nor may the views before speak against it
-        if best is not None and best.wall_support >= best.walls - _MARGIN:
-            return best
-        best = _chosen([(place, place.support, place.wall_support) for place in self.found], _SEVERAL_VIEWS)
+    def leaders(self) -> list[tuple[Place, float]]:
+        """The place of which the last view says most, and that of which all views together do; none they are against.
+
+        With each, the least sum of the scores of matches there by which it is chosen.
+        """
+        one = _leader([(place, place.view) for place in self.found], _NEEDED)
+        # outside the map a corridor looks like one inside for long
+        several = _leader([(place, place.support) for place in self.found], _NEEDED + self.n_nowhere)
+        # the views before do not speak against it
+        chosen = [(place, needed) for place, needed in one if place.support >= place.view - _MARGIN]
         # a corridor repeats over many views: they do not outweigh where the sensor was and how it has moved since;
         # and where it leaves the map, views before it did speak for places that the last one is against
-        return best if best is not None and best.prior > -0.5 * _MARGIN and best.walls >= 0.0 else None
+        return chosen + [(p, needed) for p, needed in several if p.prior > -0.5 * _MARGIN and p.view >= 0.0]
 
     def is_best(self, pose: Pose, view: float) -> bool:
         """Return whether a view, and the prior, speak clearly more for a pose than for any other place found."""
-        others = [place.walls + place.prior for place in self.found if not is_same(place.pose, pose)]
+        others = [place.view + place.prior for place in self.found if not is_same(place.pose, pose)]
         return view >= max(others, default=-1.0) + _MARGIN
 
 
@@ -130,26 +133,19 @@ class MapSearch:
         poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
         # a place that was not among those of earlier views agreed with them no better than the least of them
         missed = min((place.support for place in earlier), default=0.0)
-        missed_walls = min((place.wall_support for place in earlier), default=0.0)
         new: list[Place] = []
         for k, (pose, likely) in enumerate(zip(poses, self.known(prior, poses).tolist(), strict=True)):
             if any(is_same(pose, place.pose) for place in new):
                 continue
-            # a match with a keyframe tells more than the walls of a map that is bent, or has changed
-            score = max((hit.score for hit in matched if is_same(hit.here.pose, pose)), default=0.0)
-            fit = self.field.agreement(points, pose).score
-            walls, view = said(contour, fit), said(contour, fit + SCORE * score)
+            view = said(contour, self.field.agreement(points, pose).score)
             # the sensor may have come into the map with the view before, where it was expected also with this one
             least = 0.0 if likely > 0.0 else -_MOST_AGAINST
             so_far = max(earlier[k].support if k < len(earlier) else missed, least)
-            so_far_walls = max(earlier[k].wall_support if k < len(earlier) else missed_walls, least)
-            support = max(view, -_MOST_AGAINST) + so_far
-            wall_support = max(walls, -_MOST_AGAINST) + so_far_walls
-            new.append(
-                Place(pose=pose, walls=walls, view=view, wall_support=wall_support, support=support, prior=likely)
-            )
-        new.sort(key=lambda place: (-(place.support + place.prior), -place.walls))
-        return Views(found=new[: self._n_tried])
+            new.append(Place(pose=pose, view=view, support=max(view, -_MOST_AGAINST) + so_far, prior=likely))
+        new.sort(key=lambda place: (-(place.support + place.prior), -place.view))
+        n_nowhere = before[0].n_nowhere if before is not None else 0
+        is_nowhere = max((place.view for place in new), default=-1.0) < _MARGIN
+        return Views(found=new[: self._n_tried], n_nowhere=n_nowhere + is_nowhere)
 
     def known(self, prior: Prior | None, poses: Pose) -> Floats:
         """Return (n,) how much a prior speaks for poses (n, 3), in units of agreement."""
@@ -173,14 +169,11 @@ def said(contour: float, fit: float) -> float:
     return min(contour / _CONTOUR_M, 1.0) * (fit - _NEUTRAL)
 
 
-def _chosen(places: Sequence[tuple[Place, float, float]], needed: float) -> Place | None:
-    """Return the place of which most is said, where that, and how much less is said of any other, are enough."""
+def _leader(places: Sequence[tuple[Place, float]], needed: float) -> list[tuple[Place, float]]:
+    """Return the place of which most is said, unless that is against it, and what matches there must say."""
     if not places:
-        return None
-    rows = np.array([(by_all, by_walls) for _, by_all, by_walls in places]) + [[p.prior] for p, _, _ in places]
-    best = int(np.argmax(rows[:, 0]))
-    # matches do not decide between two places whose walls look alike
-    ahead = (rows[best] - np.max(np.delete(rows, best, axis=0), axis=0, initial=-1.0)).tolist()
-    most = float(rows[best, 0])
-    is_clear = most >= 0.0 and min(ahead) >= _MARGIN and 2.0 * most + ahead[0] >= needed
-    return places[best][0] if is_clear else None
+        return []
+    each = np.array([said + place.prior for place, said in places])
+    best = int(np.argmax(each))
+    most, lead = float(each[best]), float(each[best] - np.max(np.delete(each, best), initial=-1.0))
+    return [(places[best][0], 2.0 * (needed - most - lead))] if most >= 0.0 else []
