@@ -32,10 +32,9 @@ from curvescan.slam.localization.field import points_of
 from curvescan.slam.localization.grid_map import opened, with_field
 from curvescan.slam.localization.matching import WORSE, Hit, MapMatcher, fused
 from curvescan.slam.localization.prior import Prior
-from curvescan.slam.localization.search import MapSearch, Views, said
+from curvescan.slam.localization.search import MapSearch, Place, Views, said
 from curvescan.slam.map import SlamMap
 from curvescan.slam.open_drive import UNMEASURED, between_steps
-from curvescan.types import Pose
 
 _SEARCHED = np.diag(np.square([0.5 * STEP_M, 0.5 * STEP_M, STEP_RAD]))
 """Covariance of a pose that the search found, as a guess for matches: metres and radians."""
@@ -158,7 +157,7 @@ class Localizer:
         scan : LaserScan
             Any scan, also one of another session.
         """
-        return tuple(self._confirmed(scan, self._search.look(scan)))
+        return tuple(self._confirmed(scan, self._search.look(scan).winner))
 
     def _look(self, scan: LaserScan, step: Step) -> Step:
         """Look for the sensor in the whole map."""
@@ -173,7 +172,7 @@ class Localizer:
         similar = self._matching.similar(scan, self._n_tried)
         views = self._search.look(scan, prior=self._prior, before=before, matched=similar)
         self._views = views, step
-        hits = self._confirmed(scan, views)
+        hits = self._confirmed(scan, views.winner)
         return self._take(step, StepOutcome.FOUND, fused(hits), hits) if hits else self._at(step, StepOutcome.SEARCHING)
 
     def _track(self, scan: LaserScan, step: Step, here: UncertainPose, anchor: Step) -> Step:
@@ -200,7 +199,7 @@ class Localizer:
         self._n_missed += is_due or fit < 0.0 or self._is_torn
         elsewhere: list[Hit] = []
         if self._n_missed:
-            elsewhere = self._confirmed(scan, alone or self._search.look(scan, prior=self._prior))
+            elsewhere = self._confirmed(scan, (alone or self._search.look(scan, prior=self._prior)).winner)
         if elsewhere:
             return self._take(step, StepOutcome.FOUND, fused(elsewhere), elsewhere)
         if self._n_missed >= self.config.keyframes.n_lost:
@@ -208,18 +207,12 @@ class Localizer:
             return self._look(scan, step)
         return self._at(step, StepOutcome.PREDICTED, expected)
 
-    def _confirmed(self, scan: LaserScan, views: Views) -> list[Hit]:
-        """Return matches that put a scan at a place which they and the views choose; else none."""
-        for place, needed in views.leaders:
-            hits = self._matches_at(scan, place.pose)
-            if hits and sum(hit.score for hit in hits) >= needed:
-                return hits
-        return []
-
-    def _matches_at(self, scan: LaserScan, pose: Pose) -> list[Hit]:
-        """Return matches that put a scan at a pose; none where they leave a direction open."""
+    def _confirmed(self, scan: LaserScan, place: Place | None) -> list[Hit]:
+        """Return matches that put a scan at a place; none where they leave a direction open."""
+        if place is None:
+            return []
         matching, points = self._matching, points_of(scan)
-        searched = UncertainPose(pose, _SEARCHED)
+        searched = UncertainPose(place.pose, _SEARCHED)
         found, _ = matching.around(scan, searched, is_known=False)
         if not found:
             return []
@@ -227,9 +220,9 @@ class Localizer:
         here = fused(hits)
         # unless the map does not agree with its own keyframes there
         worse = max(WORSE, matching.misfit(hits[0].keyframe))
-        fit, least = (matching.field.agreement(points, there).score for there in (here.pose, pose))
+        fit, least = (matching.field.agreement(points, pose).score for pose in (here.pose, place.pose))
         is_worse = fit < max(0.0, least - worse)
-        return [] if is_worse or matching.is_open(here) or not is_same(pose, here.pose) else hits
+        return [] if is_worse or matching.is_open(here) or not is_same(place.pose, here.pose) else hits
 
     def _deskewed(self, scan: LaserScan, step: Step) -> LaserScan:
         """Return the scan as the map's keyframes are: deskewed by the motion since the one before."""

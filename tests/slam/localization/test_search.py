@@ -59,14 +59,19 @@ def test_nothing_is_likely_without_readings(field: DistanceField) -> None:
     assert likely_poses(field, np.empty((0, 2)), np.ones((30, 2)), 5).shape == (0, 3)
 
 
-def _place(x: float, support: float, view: float | None = None, prior: float = 0.0) -> Place:
+def _place(
+    x: float, support: float, view: float | None = None, prior: float = 0.0, matches: tuple[float, float] = (0.0, 0.0)
+) -> Place:
     view = support if view is None else view
-    return Place(pose=np.array([x, 0.0, 0.0]), view=view, support=support, prior=prior)
-
-
-def _chosen(*found: Place, scores: float = 0.0) -> Place | None:
-    """Return the place that views choose with matches there of some sum of scores."""
-    return next((place for place, needed in Views(found=found).leaders if scores >= needed), None)
+    in_view, in_all = matches
+    return Place(
+        pose=np.array([x, 0.0, 0.0]),
+        walls=view,
+        view=view + in_view,
+        wall_support=support,
+        support=support + in_all,
+        prior=prior,
+    )
 
 
 @pytest.mark.parametrize(
@@ -75,64 +80,71 @@ def _chosen(*found: Place, scores: float = 0.0) -> Place | None:
         ([0.3], True),  # no other place at all
         ([-0.05], False),  # alone, and the view is against it
         ([0.45, 0.4], False),  # another is nearly as good
-        ([0.3, -0.1], False),  # what it says and how far it is ahead are not enough
-        ([0.3, -0.4], True),
-        ([0.4, 0.0], False),
-        ([0.4, -0.2], True),  # the less another place agrees, the less needs to be said
+        ([0.3, 0.15], False),  # what it says and how far it is ahead are not enough
+        ([0.38, 0.08], True),
+        ([0.2, -0.25], False),
+        ([0.2, -0.5], True),  # the less another place agrees, the less needs to be said
+        ([0.48, 0.39], False),  # the margin
+        ([0.48, 0.37], True),
     ],
 )
 def test_a_place_is_sure_where_what_is_said_and_how_far_it_is_ahead_are_enough(
     views: list[float], is_sure: bool
 ) -> None:
     found = [_place(3.0 * k, view) for k, view in enumerate(views)]
-    assert (_chosen(*found) is not None) is is_sure
+    assert (Views(found=found).winner is not None) is is_sure
 
 
 @pytest.mark.parametrize(
     ("best", "other", "is_sure"),
     [
-        (_place(0.0, 0.7, 0.15), _place(3.0, 0.4, 0.1), True),
-        (_place(0.0, 0.7, 0.15), _place(3.0, 0.6, 0.1), False),
-        (_place(0.0, 0.8, 0.15), _place(3.0, 0.75, 0.1), False),  # views that say the same of both do not help
-        (_place(0.0, 2.5, -0.02), _place(3.0, 0.3, -0.1), False),  # it has driven out of the map since
+        (_place(0.0, 1.4, 0.15), _place(3.0, 0.6, 0.1), True),
+        (_place(0.0, 1.2, 0.15), _place(3.0, 1.0, 0.1), False),
+        (_place(0.0, 2.5, 0.15), _place(3.0, 2.45, 0.1), False),  # views that say the same of both do not help
+        (_place(0.0, 2.0, -0.02), _place(3.0, 0.3, -0.1), False),  # it has driven out of the map since
     ],
 )
-def test_several_views_together_say_enough(best: Place, other: Place, is_sure: bool) -> None:
-    assert (_chosen(best, other) is best) is is_sure
+def test_several_views_together_need_more_than_one(best: Place, other: Place, is_sure: bool) -> None:
+    assert (Views(found=[best, other]).winner is best) is is_sure
 
 
 @pytest.mark.parametrize(
     ("support", "view", "prior", "is_sure"),
     [
-        (0.5, 0.1, 0.0, True),
-        (0.5, 0.1, -0.01, True),  # several views, where the sensor may as well be
+        (1.9, 0.1, 0.0, True),
+        (1.9, 0.1, -0.01, True),  # several views, where the sensor may as well be
         (3.6, 0.15, -0.1, False),  # many views along a corridor that repeats, and a track that nothing broke
-        (0.6, 0.6, -0.1, True),  # one view that is clear
+        (0.5, 0.5, -0.1, True),  # one view that is clear
         (0.0, 0.0, 0.4, True),  # next to nothing, where it was expected
-        (-0.15, -0.15, 0.5, False),
+        (-0.15, -0.15, 0.2, False),
     ],
 )
 def test_a_prior_adds_to_what_the_views_say(support: float, view: float, prior: float, is_sure: bool) -> None:
     place, alike = _place(0.0, support, view, prior), _place(3.0, support, view, prior - 0.5)
     # of two places that look alike it chooses one
-    assert (_chosen(alike, place) is place) is is_sure
+    assert (Views(found=[alike, place]).winner is place) is is_sure
 
 
-def test_several_views_must_say_more_after_views_that_fit_nowhere() -> None:
-    found = [_place(0.0, 0.9, 0.2), _place(3.0, 0.4, 0.1)]
-    assert [Views(found=found, n_nowhere=n).leaders[-1][1] <= 0.0 for n in (0, 1)] == [True, False]
+@pytest.mark.parametrize(("n_nowhere", "is_sure"), [(0, True), (1, False)])
+def test_several_views_must_say_more_after_views_that_fit_nowhere(n_nowhere: int, is_sure: bool) -> None:
+    found = [_place(0.0, 1.2, 0.1), _place(3.0, 0.4, 0.1)]
+    assert (Views(found=found, n_nowhere=n_nowhere).winner is found[0]) is is_sure
 
 
 def test_one_view_does_not_overrule_those_before() -> None:
-    assert _chosen(_place(0.0, 0.6)) is not None
-    assert _chosen(_place(0.0, -0.3, 0.6)) is None
+    assert Views(found=[_place(0.0, 0.6)]).winner is not None
+    assert Views(found=[_place(0.0, -0.3, 0.6)]).winner is None
 
 
-@pytest.mark.parametrize(("scores", "is_sure"), [(0.7, False), (0.9, True)])
-def test_matches_add_to_what_the_views_say(scores: float, is_sure: bool) -> None:
-    one, several = (_place(0.0, 0.3), _place(3.0, 0.1)), (_place(0.0, 0.4, 0.1), _place(3.0, 0.3, 0.1))
-    assert (_chosen(*one, scores=scores) is one[0]) is is_sure
-    assert (_chosen(*several, scores=scores) is several[0]) is is_sure
+@pytest.mark.parametrize("by_walls", [0.05, 0.15])
+@pytest.mark.parametrize("views", [(0.25, 0.25, (0.2, 0.2)), (1.2, 0.1, (0.0, 0.6))])
+def test_matches_do_not_decide_between_places_whose_walls_look_alike(
+    by_walls: float, views: tuple[float, float, tuple[float, float]]
+) -> None:
+    support, view, matches = views
+    best, other = _place(0.0, support, view, matches=matches), _place(3.0, support - by_walls, view - by_walls)
+    assert (Views(found=[other, best]).winner is best) is (by_walls > 0.1)
+    assert Views(found=[other, _place(0.0, support, view)]).winner is None  # nor do walls without them
 
 
 def test_a_place_is_best_by_the_margin() -> None:

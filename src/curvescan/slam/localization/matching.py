@@ -32,6 +32,9 @@ _REACH_M = 8.0
 _LEAST_OVERLAP = 0.15
 """Nor those that share less of what they see, foretold from where they are."""
 
+SCORE = 0.25
+"""What the score of a sure match counts for beside the share of readings that the map agrees with."""
+
 WORSE = 0.05
 """The map agrees less with one pose than with another where this share of the readings, or more, does. Walls hold a
 scan that agrees less when it is shifted by a step of the search along what a match leaves open: a corridor has ends and
@@ -168,7 +171,7 @@ class MapMatcher:
         # by how much less the map agrees with the scan there than with the keyframe itself
         fits = [self.field.agreement(points, hit.here.pose).score for hit in hits]
         missing = [1.0 - self.misfit(hit.keyframe) - fit for hit, fit in zip(hits, fits, strict=True)]
-        first = hits[int(np.argmin(missing))]
+        first = hits[int(np.argmax([SCORE * hit.score - m for hit, m in zip(hits, missing, strict=True)]))]
         others = [replace(hit, here=self.seen_from(hit.here, first.keyframe, hit)) for hit in hits if hit is not first]
         return [first, *(hit for hit in others if _agree(first.here, hit))]
 

@@ -2,9 +2,9 @@
 
 Each view brings poses at which its scan ends on walls, and earlier ones carried on by the odometry. "Not in the map" is
 one of the places: it ends on walls about as well as any other place, and a pose gathers support by how much better its
-view agrees with the map. A view, or several together, choose a place by one rule: what they say of it, how far it is
-ahead of any other, and what matches there say, must be enough. Several must say more after views that fitted nowhere:
-a corridor outside the map looks like one inside for long.
+view agrees with the map. A view, or several together, choose a place by one rule: what they say of it, and how far it
+is ahead of any other, must be enough. Several must say more: views along a corridor err alike. So must they after views
+that fitted nowhere.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from curvescan.slam.localization.correlative import (
     thinned,
 )
 from curvescan.slam.localization.field import DistanceField, points_of
-from curvescan.slam.localization.matching import Hit
+from curvescan.slam.localization.matching import SCORE, Hit
 from curvescan.slam.localization.prior import LOG_ODDS, Prior
 from curvescan.types import Floats, Ints, Points, Pose
 
@@ -46,12 +46,13 @@ _MOST_AGAINST = 0.15
 _CONTOUR_M = 10.0
 """A view of a shorter contour says less, in proportion, metres: three sides of a booth fit in many places."""
 
-_NEEDED = 0.9
-"""Needed of one view, or of all views together: what they say of a place, its lead over any other, and half the scores
-of matches there. Of 6,300 scans alone and 160 starts: docs/design-notes/localization.md."""
+_ONE_VIEW, _SEVERAL_VIEWS = 1.0, 3.0
+"""Needed of one view, and of all views together: twice what they say of a place, and how much less they say of any
+other. All together need one more for each view that fits nowhere. Of 7,000 scans alone and of 160 starts:
+docs/design-notes/localization.md."""
 
 _MARGIN = 0.1
-"""A view speaks more for one place than for another by so much, at least, where it is clear."""
+"""They say so much less, at least, of any other place."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -59,8 +60,10 @@ class Place:
     """A pose of the sensor that the scans so far speak for."""
 
     pose: Pose  # (3,): in the map
-    view: float  # how much the last view speaks for it
-    support: float  # the sum over the views
+    walls: float  # how much the last view speaks for it by its walls
+    view: float  # and with what a match says
+    wall_support: float  # the sums of both over the views
+    support: float
     prior: float = 0.0  # what was known before says of it, where the sensor is now
 
 
@@ -69,26 +72,25 @@ class Views:
     """What the views so far say of places in a map."""
 
     found: Sequence[Place]  # the likeliest first, none the same
-    n_nowhere: int = 0  # of them that speak for no place: the sensor was outside the map, or the map has changed
+    n_nowhere: int = 0  # views that speak for no place: the sensor was outside the map, or the map has changed
 
     @property
-    def leaders(self) -> list[tuple[Place, float]]:
-        """The place of which the last view says most, and that of which all views together do; none they are against.
-
-        With each, the least sum of the scores of matches there by which it is chosen.
-        """
-        one = _leader([(place, place.view) for place in self.found], _NEEDED)
+    def winner(self) -> Place | None:
+        """The place for which the last view, or all views together, speak clearly more than for any other."""
+        best = _chosen([(place, place.view, place.walls) for place in self.found], _ONE_VIEW)
+        # nor may the views before speak against it
+        if best is not None and best.wall_support >= best.walls - _MARGIN:
+            return best
         # outside the map a corridor looks like one inside for long
-        several = _leader([(place, place.support) for place in self.found], _NEEDED + self.n_nowhere)
-        # the views before do not speak against it
-        chosen = [(place, needed) for place, needed in one if place.support >= place.view - _MARGIN]
+        needed = _SEVERAL_VIEWS + self.n_nowhere
+        best = _chosen([(place, place.support, place.wall_support) for place in self.found], needed)
         # a corridor repeats over many views: they do not outweigh where the sensor was and how it has moved since;
         # and where it leaves the map, views before it did speak for places that the last one is against
-        return chosen + [(p, needed) for p, needed in several if p.prior > -0.5 * _MARGIN and p.view >= 0.0]
+        return best if best is not None and best.prior > -0.5 * _MARGIN and best.walls >= 0.0 else None
 
     def is_best(self, pose: Pose, view: float) -> bool:
         """Return whether a view, and the prior, speak clearly more for a pose than for any other place found."""
-        others = [place.view + place.prior for place in self.found if not is_same(place.pose, pose)]
+        others = [place.walls + place.prior for place in self.found if not is_same(place.pose, pose)]
         return view >= max(others, default=-1.0) + _MARGIN
 
 
@@ -133,18 +135,27 @@ class MapSearch:
         poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
         # a place that was not among those of earlier views agreed with them no better than the least of them
         missed = min((place.support for place in earlier), default=0.0)
+        missed_walls = min((place.wall_support for place in earlier), default=0.0)
         new: list[Place] = []
         for k, (pose, likely) in enumerate(zip(poses, self.known(prior, poses).tolist(), strict=True)):
             if any(is_same(pose, place.pose) for place in new):
                 continue
-            view = said(contour, self.field.agreement(points, pose).score)
+            # a match with a keyframe tells more than the walls of a map that is bent, or has changed
+            score = max((hit.score for hit in matched if is_same(hit.here.pose, pose)), default=0.0)
+            fit = self.field.agreement(points, pose).score
+            walls, view = said(contour, fit), said(contour, fit + SCORE * score)
             # the sensor may have come into the map with the view before, where it was expected also with this one
             least = 0.0 if likely > 0.0 else -_MOST_AGAINST
             so_far = max(earlier[k].support if k < len(earlier) else missed, least)
-            new.append(Place(pose=pose, view=view, support=max(view, -_MOST_AGAINST) + so_far, prior=likely))
-        new.sort(key=lambda place: (-(place.support + place.prior), -place.view))
+            so_far_walls = max(earlier[k].wall_support if k < len(earlier) else missed_walls, least)
+            support = max(view, -_MOST_AGAINST) + so_far
+            wall_support = max(walls, -_MOST_AGAINST) + so_far_walls
+            new.append(
+                Place(pose=pose, walls=walls, view=view, wall_support=wall_support, support=support, prior=likely)
+            )
+        new.sort(key=lambda place: (-(place.support + place.prior), -place.walls))
         n_nowhere = before[0].n_nowhere if before is not None else 0
-        is_nowhere = max((place.view for place in new), default=-1.0) < _MARGIN
+        is_nowhere = max((place.walls for place in new), default=-1.0) < _MARGIN
         return Views(found=new[: self._n_tried], n_nowhere=n_nowhere + is_nowhere)
 
     def known(self, prior: Prior | None, poses: Pose) -> Floats:
@@ -169,11 +180,14 @@ def said(contour: float, fit: float) -> float:
     return min(contour / _CONTOUR_M, 1.0) * (fit - _NEUTRAL)
 
 
-def _leader(places: Sequence[tuple[Place, float]], needed: float) -> list[tuple[Place, float]]:
-    """Return the place of which most is said, unless that is against it, and what matches there must say."""
+def _chosen(places: Sequence[tuple[Place, float, float]], needed: float) -> Place | None:
+    """Return the place of which most is said, where that, and how much less is said of any other, are enough."""
     if not places:
-        return []
-    each = np.array([said + place.prior for place, said in places])
-    best = int(np.argmax(each))
-    most, lead = float(each[best]), float(each[best] - np.max(np.delete(each, best), initial=-1.0))
-    return [(places[best][0], 2.0 * (needed - most - lead))] if most >= 0.0 else []
+        return None
+    rows = np.array([(by_all, by_walls) for _, by_all, by_walls in places]) + [[p.prior] for p, _, _ in places]
+    best = int(np.argmax(rows[:, 0]))
+    # matches do not decide between two places whose walls look alike
+    ahead = (rows[best] - np.max(np.delete(rows, best, axis=0), axis=0, initial=-1.0)).tolist()
+    most = float(rows[best, 0])
+    is_clear = most >= 0.0 and min(ahead) >= _MARGIN and 2.0 * most + ahead[0] >= needed
+    return places[best][0] if is_clear else None
