@@ -62,17 +62,17 @@ def beams_at(angles: Floats) -> Beams:
     if angles.size < 2:
         first = float(angles[0]) if angles.size else 0.0
         return Beams(angles=angles, angle_min=first, angle_increment=_LONE_STEP, is_uniform=True)
-    steps = np.diff(angles)
+    steps = np.sort(angles[1:] - angles[:-1])
     if not _is_one_way(steps):
         angles = np.unwrap(angles)
         angles.setflags(write=False)
-        steps = np.diff(angles)
+        steps = np.sort(angles[1:] - angles[:-1])
     if not _is_one_way(steps):
         raise InvalidArgumentError(
             "angles must all rise or all fall from a beam to the next: sort the readings by angle and drop "
             "those that repeat one"
         )
-    median, span = float(np.median(steps)), float(angles[-1] - angles[0])
+    median, span = 0.5 * float(steps[(steps.size - 1) // 2] + steps[steps.size // 2]), float(angles[-1] - angles[0])
     if abs(span) > 2.0 * math.pi + 2.5 * abs(median):
         raise InvalidArgumentError(
             f"angles must not go round more than once, got {abs(span):.4g} rad: give a LaserScan for each turn, and "
@@ -87,4 +87,4 @@ def beams_at(angles: Floats) -> Beams:
 
 
 def _is_one_way(steps: Floats) -> bool:
-    return bool(np.all(steps > 0.0) or np.all(steps < 0.0))
+    return bool(steps[0] > 0.0 or steps[-1] < 0.0)  # they are sorted

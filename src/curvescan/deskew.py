@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -92,11 +93,10 @@ def predicted_velocity(motion: ArrayLike, seconds: float) -> Floats:
 
 def usual_period(stamps: Sequence[float], scan_time: float = 0.0) -> float:
     """Return the time between two scans of a clock that may stand still, go back, leap or jitter."""
-    steps = np.diff(np.asarray(stamps, dtype=np.float64))
-    forward = steps[steps > 0.0]
-    usual = scan_time if scan_time > 0.0 else float(np.median(forward)) if forward.size else 0.0
-    regular = forward[(forward >= _SHORTEST * usual) & (forward <= _LONGEST * usual)]
-    return float(np.mean(regular)) if regular.size else usual
+    forward = [after - before for before, after in pairwise(stamps) if after > before]
+    usual = scan_time if scan_time > 0.0 or not forward else median(forward)
+    regular = [step for step in forward if _SHORTEST * usual <= step <= _LONGEST * usual]
+    return float(np.mean(regular)) if regular else usual
 
 
 def n_periods(stamps: Sequence[float], period: float) -> int:

@@ -131,18 +131,18 @@ class BeamStatistics:
     def _add_pair(self, changes: Floats) -> None:
         is_equal = changes == 0.0
         n_neighbours = int(np.count_nonzero(is_equal[1:] & is_equal[:-1]))
-        changes = changes[np.isfinite(changes)]
-        changed = changes[changes > 0.0]
+        changes = np.sort(changes[np.isfinite(changes)])
+        changed = changes[np.searchsorted(changes, 0.0, "right") :]
         if changed.size < _MIN_CHANGES:
             return
-        step = max(float(changed.min()), _MIN_STEP)
-        if not np.median(changes) > _CHANGED * step:
+        step = max(float(changed[0]), _MIN_STEP)
+        if not changes[(changes.size - 1) // 2] + changes[changes.size // 2] > 2.0 * _CHANGED * step:  # the median
             return
         self.n_equal_neighbours += n_neighbours
         self.n_pairs += 1
         self.n_compared += changes.size
         self.n_equal += changes.size - changed.size
-        self.n_near += int(np.count_nonzero(changed < (_NEAR + 0.5) * step))
+        self.n_near += int(np.searchsorted(changed, (_NEAR + 0.5) * step))
 
 
 Layout = tuple[int, float, float, bool]  # number of beams, angle_min, mean step, whether the sweep is a full circle
@@ -201,7 +201,7 @@ class LogStatistics:
             self.top_of_range.add(scan)
 
     def _add_codes(self, values: Floats) -> None:
-        for value, count in zip(*_counted(values), strict=True):
+        for value, count in zip(*(part.tolist() for part in np.unique(values, return_counts=True)), strict=True):
             # NaN equals nothing, but a dict finds it again when it is the same object
             key = math.nan if value != value else value + 0.0  # -0.0 is 0.0
             if key in self.codes or len(self.codes) < _MAX_CODES:
@@ -211,12 +211,7 @@ class LogStatistics:
         # a value that 16 larger ones have pushed out can never return, so the counts stay exact
         if len(self.top) == _N_TOP:
             values = values[values >= min(self.top)]
-        for value, count in zip(*_counted(values), strict=True):
-            self.top[value] = self.top.get(value, 0) + count
+        for value in values.tolist():
+            self.top[value] = self.top.get(value, 0) + 1
         if len(self.top) > _N_TOP:
             self.top = {value: self.top[value] for value in sorted(self.top)[-_N_TOP:]}
-
-
-def _counted(values: Floats) -> tuple[list[float], list[int]]:
-    different, counts = np.unique(values, return_counts=True)
-    return different.tolist(), counts.tolist()

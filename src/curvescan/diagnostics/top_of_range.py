@@ -119,7 +119,7 @@ def _is_loose(scan: LaserScan) -> Bools:
     ranges = np.where(scan.valid, scan.ranges, np.inf)
     nearer = np.minimum(ranges[1:], ranges[:-1])
     with np.errstate(invalid="ignore"):
-        joins = np.abs(np.diff(ranges)) <= _BIN + nearer * abs(scan.angle_increment)
+        joins = np.abs(ranges[1:] - ranges[:-1]) <= _BIN + nearer * abs(scan.angle_increment)
     pieces = np.concatenate([[0], np.cumsum(~joins)])
     loose: Bools = np.bincount(pieces)[pieces] < _N_SURFACE
     return loose

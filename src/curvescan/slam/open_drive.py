@@ -8,6 +8,7 @@ difference of both is how uncertain the way is.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -28,10 +29,11 @@ _NONE = np.zeros(2)
 def between_steps(origin: Step, step: Step) -> UncertainPose:
     """Return the pose of a step in the frame of an earlier one, with what was added to the covariance since."""
     found = between(UncertainPose(origin.pose, origin.covariance), UncertainPose(step.pose, step.covariance))
-    values, vectors = np.linalg.eigh(found.cov)
-    if values[0] > 0.0:
+    with suppress(np.linalg.LinAlgError):
+        np.linalg.cholesky(found.cov)
         return found
     # the two hang on one keyframe, or a stretch was settled since: the poses then differ by what was put right
+    values, vectors = np.linalg.eigh(found.cov)
     return UncertainPose(found.pose, (vectors * np.abs(values)) @ vectors.T)
 
 

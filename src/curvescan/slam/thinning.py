@@ -76,7 +76,7 @@ def newer_beside(v: int, poses: Pose, fragments: Ints, is_kept: Bools, radius: f
 
 def best_tie(graph: PoseGraph, v: int, among: Ints) -> int | None:
     """Return the closure or match that ties pose v best to one of some poses; None where there is none."""
-    rows = np.flatnonzero((graph.ends == v).any(axis=1))
+    rows = _edges_at(graph, v)
     covariances = graph.edge_covariances[rows]
     # by an edge that leaves a direction open no pose can hang on an heir
     is_tie = (graph.kinds[rows] != EdgeKind.MOTION) & graph.is_followed[rows] & is_whole(covariances)
@@ -90,7 +90,7 @@ def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[int, UncertainPose]:
 
     tie: The edge to the heir.
     """
-    rows = np.flatnonzero((graph.ends == v).any(axis=1))
+    rows = _edges_at(graph, v)
     seen = {row: _other_end(graph, row, v) for row in rows.tolist()}
     heir, heir_seen = seen[tie]
     from_heir = inverse(heir_seen)
@@ -101,7 +101,7 @@ def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[int, UncertainPose]:
         ends = [before[-1], after[0]]
         step, kind = compose(inverse(a), b), EdgeKind(max(graph.kinds[ends]))
         graph.add_edge(i, j, step.pose, step.cov, kind, float(min(graph.weights[ends])))
-    tied = set(graph.ends[(graph.ends == heir).any(axis=1)].ravel().tolist())  # and the heir itself
+    tied = set(graph.ends[_edges_at(graph, heir)].ravel().tolist())  # and the heir itself
     for row, (u, edge) in seen.items():
         if graph.kinds[row] == EdgeKind.CLOSURE and graph.is_followed[row] and u not in tied:
             tied.add(u)
@@ -115,10 +115,13 @@ def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[int, UncertainPose]:
     return heir, from_heir
 
 
+def _edges_at(graph: PoseGraph, v: int) -> Ints:
+    i, j = graph.ends.T
+    return np.flatnonzero((i == v) | (j == v))
+
+
 def _other_end(graph: PoseGraph, row: int, v: int) -> tuple[int, UncertainPose]:
     """Return the other end of an edge, and how pose v sees it."""
-    (i, j), edge = (
-        graph.ends[row].tolist(),
-        UncertainPose(graph.measured[row].copy(), graph.edge_covariances[row].copy()),
-    )
+    i, j = graph.ends[row].tolist()
+    edge = UncertainPose(graph.measured[row].copy(), graph.edge_covariances[row].copy())
     return (j, edge) if i == v else (i, inverse(edge))

@@ -14,7 +14,7 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess_pose
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, weigh
 from curvescan.matchers.curvescan.assessment.labels import INLIER
-from curvescan.matchers.curvescan.config import SAME, CurvescanConfig
+from curvescan.matchers.curvescan.config import AS_GOOD, SAME, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import N_WIDE, CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.sampling import choose_samples
@@ -26,8 +26,7 @@ from curvescan.matchers.curvescan.refinement import EXACTLY, refine
 from curvescan.types import Floats, Pose
 
 _N_TOP = 5  # poses that are judged beside one another, at most
-_AS_GOOD = 0.93  # a pose with this share of the best score is as good
-_FINE_STEP = 0.05  # metres at the typical reading: steps in which the best place along a direction is looked for
+_FINE_STEP = 0.5 * SAME  # metres at the typical reading: steps in which the best place along a direction is looked for
 _MAX_TURN = 0.5  # radians: turns along it are tried up to this angle
 _FINISH = (*FINE, _N_TOP, 4096, SAME)
 
@@ -149,4 +148,4 @@ def finish(
 
 def competing_hypotheses(scores: Floats) -> list[int]:
     """Return the rows of the poses that are as good as the first."""
-    return [k for k in range(1, len(scores)) if scores[k] > _AS_GOOD * scores[0]]
+    return [k for k in range(1, len(scores)) if scores[k] > AS_GOOD * scores[0]]

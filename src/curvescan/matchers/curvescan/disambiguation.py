@@ -20,7 +20,7 @@ from curvescan.matchers.curvescan.assessment.information import covariance
 from curvescan.matchers.curvescan.assessment.support import Support, support_of
 from curvescan.matchers.curvescan.assessment.walls import extent
 from curvescan.matchers.curvescan.candidates import competing_hypotheses, direction_of_walls
-from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
+from curvescan.matchers.curvescan.config import NEAR, CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
 from curvescan.matchers.curvescan.proposal.scoring import FINE, select
@@ -32,10 +32,6 @@ from curvescan.types import Bools, Cov, Floats, Pose
 # What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured.
 _ARMS = np.array([1.0, 1.0, 2.0])
 _STRAIGHT = np.array([1.0, 1.0, 0.0])  # takes the turn from a direction
-# Least metres along x or y of a direction, of 1 m at a typical reading, that is a translation and not a turn.
-_TRANSLATES = 0.3
-# Metres, and radians times 2 m, from which on a candidate is another pose and no better place of the same.
-_OTHER = 0.25
 _DIRECTION_SIGMA = 0.003  # standard deviation of a degenerate direction, radians
 # Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
 # bare corridor have less in common than they seem to where they are laid over each other.
@@ -97,7 +93,7 @@ def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | Non
     is_flat = bool(is_degenerate[0]) or (
         assessment.is_weakly_observable(config.information) and not set(along).isdisjoint(competing)
     )
-    others = [k for k in range(1, len(poses)) if distance(poses[k], poses[0]) > _OTHER and not (is_flat and k in along)]
+    others = [k for k in range(1, len(poses)) if distance(poses[k], poses[0]) > NEAR and not (is_flat and k in along)]
     support = support_of(weighed, others, bool(is_degenerate.any()) or is_flat)
     ties = [k for k in along if k in competing] if is_flat else ties_of(support, along, config)
     if walls is not None:
@@ -121,7 +117,7 @@ def along_weakest_direction(
     if is_weak or is_open:
         # the weakest direction of a wall and little more turns somewhat; the other places along the wall need not
         directions.append(assessment.weakest)
-        if np.abs(assessment.weakest[:2]).max() > _TRANSLATES:
+        if np.abs(assessment.weakest[:2]).max() > _LEAST_SHIFT:
             directions.append(assessment.weakest * _STRAIGHT)
     return [
         k

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
+from curvescan.matchers.curvescan.config import SAME
 from curvescan.types import Pose
 
-# Turn for each metre, radians, below which a motion is a line: its arc leaves the line by 1 cm in 0.6 m.
-_STRAIGHT = 0.05
+# Turn for each metre, radians, below which a motion is a line: its arc leaves the line by 2 cm in 0.6 m.
+_STRAIGHT = SAME
 
 
 def difference(pose: Pose, origin: Pose) -> tuple[float, float, float]:

@@ -13,13 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import kernel
+from curvescan.matchers.curvescan.config import SAME, SURE_SIGMAS
 from curvescan.matchers.result import WIDE_PRIOR, WIDE_SIGMA
 from curvescan.types import Cov, Floats, Pose, UncertainPose
 
 _WRONG = 0.05  # share of priors that are wrong
 _WIDE_PRECISION = tuple(sigma**-2 for sigma in WIDE_SIGMA)
-_MATCHED = np.diag(np.square((0.05, 0.05, 0.025)))  # covariance of a matched pose: metres, metres, radians
-_MAX_CHI2 = 9.0  # of the wide prior: farther off is as unlikely as three standard deviations
+_MATCHED = np.diag(np.square(0.5 * SAME * np.array([1.0, 1.0, 0.5])))  # covariance of a matched pose: metres, radians
+_MAX_CHI2 = SURE_SIGMAS * SURE_SIGMAS  # of the wide prior: farther off is no less likely
 TOLD = 2.0  # log odds from which on the prior itself says where the pose is
 
 

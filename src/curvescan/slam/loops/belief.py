@@ -75,6 +75,6 @@ def composed_covariances(poses: Pose, covariances: Cov, then: UncertainPose) -> 
     by_first = np.tile(np.eye(3), (len(poses), 1, 1))
     by_first[:, 0, 2] = -s * x - c * y
     by_first[:, 1, 2] = c * x - s * y
-    cov = by_first @ covariances @ by_first.transpose(0, 2, 1)
-    cov += turn @ then.cov @ turn.transpose(0, 2, 1)
+    cov = by_first @ covariances @ by_first.transpose(0, 2, 1).copy()
+    cov += turn @ then.cov @ turn.transpose(0, 2, 1).copy()
     return cov

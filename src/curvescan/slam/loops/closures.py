@@ -181,6 +181,8 @@ def expectation_of(off: Pose, cov: Cov, config: SlamConfig) -> float:
 
 
 def _gained(off: Pose, cov: Cov) -> float:
-    gained = float(np.linalg.slogdet(np.eye(2) + _ANYWHERE_M**2 * np.linalg.inv(cov[:2, :2]))[1])
-    distance = float(off @ np.linalg.solve(cov, off))
+    (xx, xy, _), (_, yy, _), _ = cov.tolist()
+    anywhere = (xx + _ANYWHERE_M**2) * (yy + _ANYWHERE_M**2) - xy * xy
+    gained = math.log(abs(anywhere / (xx * yy - xy * xy)))
+    distance = fuse(UncertainPose(np.zeros(3), cov), UncertainPose(off, np.zeros((3, 3))))[1]
     return 0.5 * (gained - distance) if math.isfinite(distance) else -math.inf

@@ -146,5 +146,5 @@ def gathered_covariances(poses: Pose, motions: Cov) -> Cov:
     moved[1:, 0, 0], moved[1:, 0, 1], moved[1:, 0, 2] = c, -s, poses[1:, 1]
     moved[1:, 1, 0], moved[1:, 1, 1], moved[1:, 1, 2] = s, c, -poses[1:, 0]
     moved[1:, 2, 2] = 1.0
-    found: Cov = np.cumsum(moved @ motions @ moved.transpose(0, 2, 1), axis=0)
+    found: Cov = np.cumsum(moved @ motions @ moved.transpose(0, 2, 1).copy(), axis=0)
     return found

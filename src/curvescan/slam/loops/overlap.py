@@ -52,12 +52,15 @@ def _seen_share(points: Floats, viewer: Floats, x: float, y: float, theta: float
     n = points.shape[1]
     step = 2.0 * math.pi / n
     n_all = n_seen = 0
+    # the direction of a sector, and by what it turns to the next
+    c, s = math.cos(theta - math.pi + 0.5 * step), math.sin(theta - math.pi + 0.5 * step)
+    c_step, s_step = math.cos(step), math.sin(step)
     for k in range(n):
+        px, py = x + points[0, k] * c, y + points[0, k] * s
+        c, s = c * c_step - s * s_step, s * c_step + c * s_step
         if points[0, k] <= 0.0:
             continue
         n_all += 1
-        angle = theta - math.pi + (k + 0.5) * step
-        px, py = x + points[0, k] * math.cos(angle), y + points[0, k] * math.sin(angle)
         sector = int((math.atan2(py, px) + math.pi) / step) % n
         far = viewer[1, sector]
         if far > 0.0 and math.sqrt(px * px + py * py) < far + _BEHIND:

@@ -27,9 +27,7 @@ def marginal_covariances(information: Any, anchors: Ints) -> Cov:
     lower.sort_indices()
     # L U = A with U = D L^T: the matrix is symmetric and was not pivoted
     order = lu.perm_c.astype(np.int64)
-    indptr, indices, values = closed_factor(
-        lower.indptr.astype(np.int64), lower.indices.astype(np.int64), lower.data, order
-    )
+    indptr, indices, values = closed_factor(lower, information, order)
     blocks = inverse_blocks(indptr, indices, values, lu.U.diagonal(), order)
     blocks[anchors] = 0.0
     return blocks
@@ -44,70 +42,59 @@ def seen_from(poses: Pose, covariances: Cov, k: int) -> tuple[Pose, Cov]:
     jac[:, 0, 0], jac[:, 0, 1], jac[:, 0, 2] = -c, -s, relative[:, 1]
     jac[:, 1, 0], jac[:, 1, 1], jac[:, 1, 2] = s, -c, -relative[:, 0]
     jac[:, 2, 2] = -1.0
-    return relative, jac @ covariances @ jac.transpose(0, 2, 1)
+    return relative, jac @ covariances @ jac.transpose(0, 2, 1).copy()
+
+
+def closed_factor(lower: Any, matrix: Any, order: Ints) -> tuple[Ints, Ints, Floats]:
+    """Return L in CSC with the entries that are zero by chance, which SciPy drops and the recursion needs.
+
+    lower: L as SciPy has it, CSC, sorted; matrix: A; order (3n,): row of the factorization of each row of A.
+    """
+    where = matrix.indptr.astype(np.int64), matrix.indices.astype(np.int64), order, np.argsort(order)
+    n_below, nothing = np.zeros(len(order) + 1, dtype=np.int64), np.empty(0, dtype=np.int64)
+    fill_columns(*where, n_below[1:], nothing)
+    indptr = np.cumsum(n_below)
+    indices = np.empty(indptr[-1], dtype=np.int64)
+    fill_columns(*where, indptr[:-1].copy(), indices)
+    values = scattered(lower.indptr.astype(np.int64), lower.indices.astype(np.int64), lower.data, indptr, indices)
+    return indptr, indices, values
 
 
 @kernel
-def closed_factor(indptr: Ints, indices: Ints, lower: Floats, order: Ints) -> tuple[Ints, Ints, Floats]:
-    """Return L in CSC with the entries that are zero by chance, which SciPy drops and the recursion needs.
+def fill_columns(indptr: Ints, indices: Ints, order: Ints, row_of: Ints, end: Ints, found: Ints) -> None:
+    """Write the rows of each column of L, sorted, to `found` from `end` on, and move `end`; an empty one only counts.
 
-    If rows i > p > j stand in column j, p its first below the diagonal, then row i stands in column p. The 3 by 3
-    blocks on the diagonal of A stand, too.
+    indptr, indices: of A, symmetric; order, row_of: row of L of each row of A, and back. Row i of L has the columns of
+    row i of A and, of each, the first row below its diagonal as far as i (Davis, Algorithm 849, 2005).
     """
-    size = len(indptr) - 1
-    head, following = np.full(size, -1, dtype=np.int64), np.full(size, -1, dtype=np.int64)
-    mark = np.full(size, -1, dtype=np.int64)
-    extra = np.full((size, 2), -1, dtype=np.int64)
-    for i in range(size // 3):
-        for r in range(3):
-            n = 0
-            for c in range(3):
-                if order[3 * i + c] > order[3 * i + r]:
-                    extra[order[3 * i + r], n] = order[3 * i + c]
-                    n += 1
-    new_indptr = np.zeros(size + 1, dtype=np.int64)
-    new_indices = np.empty(2 * len(indices) + 16, dtype=np.int64)
-    n = 0
-    for j in range(size):
-        start = n
-        if n + size - j > len(new_indices):
-            wider = np.empty(2 * len(new_indices) + size, dtype=np.int64)
-            wider[:n] = new_indices[:n]
-            new_indices = wider
-        mark[j] = j
-        new_indices[n] = j
-        n += 1
+    size = len(order)
+    parent, mark = np.full(size, size, dtype=np.int64), np.full(size, size, dtype=np.int64)
+    for i in range(size):
+        row = row_of[i]
+        for a in range(indptr[row] - 3, indptr[row + 1]):
+            # the 3 by 3 blocks on the diagonal of A stand, too, zeros and all
+            column = order[indices[a] if a >= indptr[row] else row - row % 3 + indptr[row] - 1 - a]
+            while column <= i and mark[column] != i:
+                mark[column] = i
+                if len(found):
+                    found[end[column]] = i
+                end[column] += 1
+                if column < i and parent[column] == size:
+                    parent[column] = i
+                column = parent[column]
+
+
+@kernel
+def scattered(indptr: Ints, indices: Ints, values: Floats, wider_indptr: Ints, wider_indices: Ints) -> Floats:
+    """Return the values of a matrix in CSC in a pattern that contains its own, rows sorted in both."""
+    found = np.zeros(len(wider_indices))
+    for j in range(len(indptr) - 1):
+        p = wider_indptr[j]
         for a in range(indptr[j], indptr[j + 1]):
-            if mark[indices[a]] != j:
-                mark[indices[a]] = j
-                new_indices[n] = indices[a]
-                n += 1
-        for a in range(2):
-            if extra[j, a] >= 0 and mark[extra[j, a]] != j:
-                mark[extra[j, a]] = j
-                new_indices[n] = extra[j, a]
-                n += 1
-        child = head[j]
-        while child >= 0:
-            for a in range(new_indptr[child], new_indptr[child + 1]):
-                if new_indices[a] > j and mark[new_indices[a]] != j:
-                    mark[new_indices[a]] = j
-                    new_indices[n] = new_indices[a]
-                    n += 1
-            child = following[child]
-        new_indices[start:n].sort()
-        new_indptr[j + 1] = n
-        if n > start + 1:
-            parent = new_indices[start + 1]
-            following[j], head[parent] = head[parent], j
-    values = np.zeros(n)
-    for j in range(size):
-        p = new_indptr[j]
-        for a in range(indptr[j], indptr[j + 1]):
-            while new_indices[p] != indices[a]:
+            while wider_indices[p] != indices[a]:
                 p += 1
-            values[p] = lower[a]
-    return new_indptr, new_indices[:n].copy(), values
+            found[p] = values[a]
+    return found
 
 
 @kernel

@@ -7,11 +7,14 @@ theta_ij].
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from curvescan import se2
+from curvescan._jit import kernel
+from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Cov, Floats, Ints, Pose
 
 _SHORT = 0.1
@@ -45,9 +48,11 @@ def optimize(
     edges, anchors, poses = edges._replace(ends=rank[edges.ends]), rank[anchors], poses[order]
     longest = np.inf
     for _ in range(max_iterations):
+        jacobians, gradient, _ = linearized(poses, *edges, weights)
+        gradient[anchors] = 0.0
         if longest > _SHORT:
-            solver = factorized(information_matrix(poses, edges, weights, anchors), order="NATURAL")
-        step = solver.solve(-gradient(poses, edges, weights, anchors)).reshape(-1, 3)
+            solver = factorized(_normal_matrix(jacobians, edges, weights, anchors, len(poses)), order="NATURAL")
+        step = solver.solve(-gradient.ravel()).reshape(-1, 3)
         poses = poses + step
         longest = np.abs(step).max(initial=0.0)
         if not longest > tolerance:
@@ -61,63 +66,60 @@ def information_matrix(poses: Pose, edges: Edges, weights: Floats, anchors: Ints
 
     Poses that are anchored stand for themselves: their rows and columns are those of the identity.
     """
-    from scipy.sparse import bsr_array, diags_array  # load for a good part of a second
-
-    n, m = len(poses), len(edges.ends)
-    seen, _ = _errors(poses, edges)
-    is_held = np.zeros(n, dtype=np.bool_)
-    is_held[anchors] = True
-    jacobians = _jacobians(poses[edges.ends[:, 0], 2], seen)
-    jacobians[is_held[edges.ends]] = 0.0
-    weighted = weights[:, np.newaxis, np.newaxis] * edges.information
-    # two blocks a row: those of the poses that an edge joins
-    where = edges.ends.ravel(), 2 * np.arange(m + 1)
-    jac, half = (
-        bsr_array((blocks.reshape(-1, 3, 3), *where), shape=(3 * m, 3 * n))
-        for blocks in (jacobians, weighted[:, np.newaxis] @ jacobians)
-    )
-    held = diags_array(np.repeat(is_held.astype(np.float64), 3)).tocsc()
-    return (half.T @ jac).tocsr().T + held  # a transposed CSR is a CSC
-
-
-def gradient(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> Floats:
-    """Return the gradient at the poses, J^T W e, (3n,); zero at the anchors."""
-    seen, error = _errors(poses, edges)
-    pull = weights[:, np.newaxis] * np.einsum("mij,mj->mi", edges.information, error)
-    at_ends = np.einsum("mkij,mi->mkj", _jacobians(poses[edges.ends[:, 0], 2], seen), pull).reshape(-1, 3)
-    ends = edges.ends.ravel()
-    found = np.empty((len(poses), 3))
-    for k in range(3):
-        found[:, k] = np.bincount(ends, at_ends[:, k], len(poses))
-    found[anchors] = 0.0
-    return found.ravel()
+    return _normal_matrix(linearized(poses, *edges, weights)[0], edges, weights, anchors, len(poses))
 
 
 def squared_distances(poses: Pose, edges: Edges) -> Floats:
     """Return (m,) squared Mahalanobis distances of the edges at the poses."""
-    _, error = _errors(poses, edges)
-    return np.asarray(np.einsum("mi,mij,mj->m", error, edges.information, error))
+    return linearized(poses, *edges, np.ones(len(edges.ends)))[2]
 
 
-def _errors(poses: Pose, edges: Edges) -> tuple[Pose, Floats]:
-    """Return (m, 3) where edges have pose j in the frame of i, and by how much that is not what was measured."""
-    i, j = edges.ends.T
-    seen = se2.between(poses[i], poses[j])
-    error = seen - edges.measured
-    error[:, 2] = se2.wrap(error[:, 2])
-    return seen, error
+def _normal_matrix(jacobians: Floats, edges: Edges, weights: Floats, anchors: Ints, n: int) -> Any:
+    from scipy.sparse import bsr_array  # loads for a good part of a second
+
+    m, k = len(edges.ends), len(anchors)
+    is_held = np.zeros(n, dtype=np.bool_)
+    is_held[anchors] = True
+    jacobians[is_held[edges.ends]] = 0.0
+    weighted = (weights[:, np.newaxis, np.newaxis] * edges.information)[:, np.newaxis] @ jacobians
+    # two blocks a row, those of the poses that an edge joins; one for each anchor
+    where = np.append(edges.ends, anchors), np.append(2 * np.arange(m), 2 * m + np.arange(k + 1))
+    held = np.tile(np.eye(3), (k, 1, 1))
+    jac, half = (
+        bsr_array((np.concatenate((blocks.reshape(-1, 3, 3), held)), *where), shape=(3 * (m + k), 3 * n))
+        for blocks in (jacobians, weighted)
+    )
+    return (half.T @ jac).tocsr().T  # a transposed CSR is a CSC
 
 
-def _jacobians(headings: Floats, seen: Pose) -> Floats:
-    """Return (m, 2, 3, 3) derivatives of the errors by poses i, of headings (m,), and j."""
-    found = np.zeros((len(seen), 2, 3, 3))
-    by_i, by_j = found[:, 0], found[:, 1]
-    c, s = np.cos(headings), np.sin(headings)
-    by_j[:, 0, 0], by_j[:, 0, 1], by_j[:, 1, 0], by_j[:, 1, 1] = c, s, -s, c
-    by_i[:, :2, :2] = -by_j[:, :2, :2]
-    by_i[:, 0, 2], by_i[:, 1, 2] = seen[:, 1], -seen[:, 0]
-    by_i[:, 2, 2], by_j[:, 2, 2] = -1.0, 1.0
-    return found
+@kernel
+def linearized(
+    poses: Pose, ends: Ints, measured: Pose, information: Cov, weights: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return (m, 2, 3, 3) derivatives J of errors by poses i and j, (n, 3) gradient J^T W e, (m,) squared distances."""
+    m = len(ends)
+    jacobians, gradient, distances = np.zeros((m, 2, 3, 3)), np.zeros((len(poses), 3)), np.zeros(m)
+    error = np.empty(3)
+    for k in range(m):
+        i, j = ends[k, 0], ends[k, 1]
+        c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        dx, dy = poses[j, 0] - poses[i, 0], poses[j, 1] - poses[i, 1]
+        x, y = c * dx + s * dy, c * dy - s * dx
+        error[0], error[1] = x - measured[k, 0], y - measured[k, 1]
+        error[2] = wrap_angle(poses[j, 2] - poses[i, 2] - measured[k, 2])
+        by_i, by_j = jacobians[k, 0], jacobians[k, 1]
+        by_j[0, 0], by_j[0, 1], by_j[1, 0], by_j[1, 1], by_j[2, 2] = c, s, -s, c, 1.0
+        by_i[0, 0], by_i[0, 1], by_i[1, 0], by_i[1, 1], by_i[2, 2] = -c, -s, s, -c, -1.0
+        by_i[0, 2], by_i[1, 2] = y, -x
+        for row in range(3):
+            pull = 0.0
+            for q in range(3):
+                pull += information[k, row, q] * error[q]
+            distances[k] += error[row] * pull
+            for q in range(3):
+                gradient[i, q] += weights[k] * pull * by_i[row, q]
+                gradient[j, q] += weights[k] * pull * by_j[row, q]
+    return jacobians, gradient, distances
 
 
 def elimination_order(ends: Ints, n_poses: int) -> Ints:

@@ -33,7 +33,7 @@ def without_floor(covariances: Cov, floor: Cov) -> Cov:
     """Return (m, 3, 3) covariances of edges without a (3, 3) floor that was added to them."""
     values, vectors = np.linalg.eigh(covariances - floor)
     values = np.maximum(values, _LEAST_VARIANCE)
-    found: Cov = (vectors * values[:, np.newaxis]) @ vectors.transpose(0, 2, 1)
+    found: Cov = (vectors * values[:, np.newaxis]) @ vectors.transpose(0, 2, 1).copy()
     return found
 
 
@@ -79,7 +79,7 @@ def own_noise(poses: Pose, ends: Ints, covariances: Cov, is_match: Bools) -> Cov
     found = np.zeros((len(poses), 3, 3))
     has = np.flatnonzero(best >= 0)
     turn = rotations(poses[ends[best[has], 0], 2])
-    found[has] = turn @ covariances[best[has]] @ turn.transpose(0, 2, 1)
+    found[has] = turn @ covariances[best[has]] @ turn.transpose(0, 2, 1).copy()
     return found
 
 
@@ -88,7 +88,7 @@ def with_own_noise(covariances: Cov, poses: Pose, own: Cov, k: int) -> Cov:
     lever = np.tile(np.eye(3), (len(poses), 1, 1))
     lever[:, 0, 2] = poses[k, 1] - poses[:, 1]
     lever[:, 1, 2] = poses[:, 0] - poses[k, 0]
-    found: Cov = covariances + own + lever @ own[k] @ lever.transpose(0, 2, 1)
+    found: Cov = covariances + own + lever @ own[k] @ lever.transpose(0, 2, 1).copy()
     found[k] = covariances[k]
     return found
 

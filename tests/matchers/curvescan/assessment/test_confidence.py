@@ -154,9 +154,9 @@ def test_a_rival_is_weighed_by_what_it_has_more_than_the_best():
 
 
 def test_a_repetition_is_the_mean_of_two_shares_less_what_contradicts():
-    """The excess 0.75 of 2 m with half a metre more each is half, the weakest 0.3 of 2.1 with 0.3 a quarter."""
-    best = {**GOOD, EXCESS: 2.0, WEAKEST: 2.1}
-    other = {**best, EXCESS: 0.75, WEAKEST: 0.3}
+    """The excess 0.75 of 2 m with half a metre more each is half, the weakest 0.25 of 2.5 a quarter."""
+    best = {**GOOD, EXCESS: 2.0, WEAKEST: 2.5}
+    other = {**best, EXCESS: 0.75, WEAKEST: 0.25}
     share = np.sqrt(0.5 * 0.25)
     assert poses(best, other).repetition(1) == pytest.approx(share)
     # 15 % of the 8 m that agree there is what explains nothing any more; half of it leaves half
@@ -211,31 +211,31 @@ def test_a_contradicted_pose_rules_out_none_that_explains_more():
 def test_a_bare_room_may_be_turned_where_the_motion_is_large_or_a_wall_contradicts():
     assert not poses({**GOOD, BEYOND: 0.0}).may_be_turned
     assert poses({**GOOD, BEYOND: 0.0}, priors=[-0.3]).may_be_turned
-    assert poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.5}).may_be_turned
-    assert poses({**GOOD, BEYOND: 0.0, MISSED: 0.5}).may_be_turned
-    assert not poses({**GOOD, BEYOND: 1.0, SEEN_THROUGH: 0.5}, priors=[-0.3]).may_be_turned
-    # log odds of -0.25 by the prior, 5 % of what agrees, 0.2 m beyond four walls
+    walls = {**GOOD, BEYOND: 0.0, EXCESS: 1.9}
+    assert poses({**walls, SEEN_THROUGH: 1.0}).may_be_turned
+    assert poses({**walls, MISSED: 1.0}).may_be_turned
+    assert not poses({**GOOD, BEYOND: 1.0, SEEN_THROUGH: 1.0}, priors=[-0.3]).may_be_turned
+    # log odds of -0.25 by the prior, a tenth of what agrees, 0.2 m beyond four walls
     assert not poses({**GOOD, BEYOND: 0.0}, priors=[-0.24]).may_be_turned
     assert poses({**GOOD, BEYOND: 0.19}, priors=[-0.26]).may_be_turned
     assert not poses({**GOOD, BEYOND: 0.21}, priors=[-0.26]).may_be_turned
-    assert not poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.2, MISSED: 0.19}).may_be_turned
-    assert poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.2, MISSED: 0.21}).may_be_turned
-    assert poses({**GOOD, BEYOND: 0.0, EXCESS: 2.9, SEEN_THROUGH: 0.5}).may_be_turned
+    assert not poses({**walls, SEEN_THROUGH: 0.4, MISSED: 0.39}).may_be_turned
+    assert poses({**walls, SEEN_THROUGH: 0.4, MISSED: 0.41}).may_be_turned
     # a guess decides
-    assert not poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.5}, priors=[2.1]).may_be_turned
+    assert not poses({**walls, SEEN_THROUGH: 1.0}, priors=[2.1]).may_be_turned
     # a long third wall, and something that changed
-    assert not poses({**GOOD, BEYOND: 0.0, EXCESS: 4.0, SEEN_THROUGH: 0.5}).may_be_turned
+    assert not poses({**GOOD, BEYOND: 0.0, EXCESS: 2.1, SEEN_THROUGH: 1.0}).may_be_turned
     assert not poses().may_be_turned
 
 
 def test_a_pair_is_hopeless_where_no_pose_comes_near():
-    """Log odds of all poses below -3: not even one in twenty is right, and none of 5,500 matches had less than -1.3."""
+    """Log odds of all poses below -2: not even one in seven is right, and none of 5,500 matches had less than -1.3."""
     bad = {AGREEING: 2.0, MISFIT: 2.0, SEEN_THROUGH: 2.0}
-    assert poses(bad).log_odds(0) < -3.0 < poses(GOOD).log_odds(0)
+    assert poses(bad).log_odds(0) < -2.0 < poses(GOOD).log_odds(0)
     assert poses(bad, bad).is_hopeless
     assert not poses(bad, GOOD).is_hopeless  # whichever stands first
     doubtful = {AGREEING: 6.0, MISFIT: 1.0, SEEN_THROUGH: 0.4}
-    assert -3.0 < poses(doubtful).log_odds(0) < 0.0
+    assert -2.0 < poses(doubtful).log_odds(0) < 0.0
     assert not poses(doubtful).is_hopeless
 
 
@@ -247,10 +247,10 @@ def test_surfaces_run_one_way_where_an_eighth_of_them_runs_across():
     assert not poses(corridor, priors=[2.1]).is_one_way  # a guess says where along it
 
 
-def test_a_pose_is_as_likely_within_six_tenths_of_the_log_odds():
-    """The misfit weighs -1.1 a decade: of 0.9 and 0.1 more, 3.0 times as much are 0.52, 4.0 times 0.66."""
-    three, four = ({**GOOD, MISFIT: factor * 0.9 - 0.1} for factor in (3.0, 4.0))
-    both = poses(GOOD, three, four)
+def test_a_pose_is_as_likely_within_half_of_the_log_odds():
+    """The misfit weighs -1.1 a decade: of 0.9 and 0.1 more, 2.5 times as much are 0.44, 3.5 times 0.6."""
+    less, more = ({**GOOD, MISFIT: factor * 0.9 - 0.1} for factor in (2.5, 3.5))
+    both = poses(GOOD, less, more)
     assert both.is_as_likely(1)
     assert not both.is_as_likely(2)
 

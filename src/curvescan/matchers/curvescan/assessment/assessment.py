@@ -10,7 +10,13 @@ import numpy as np
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.information import covariance, information_matrix, pose_information
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, compare_readings, static_segments
-from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, CurvescanConfig, InformationConfig, ScoringConfig
+from curvescan.matchers.curvescan.config import (
+    AS_GOOD,
+    LIKELY_SIGMAS,
+    CurvescanConfig,
+    InformationConfig,
+    ScoringConfig,
+)
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.objects import Surfaces
 from curvescan.matchers.curvescan.proposal.scoring import FINE, best_beside
@@ -19,7 +25,6 @@ from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
 
 # How far along a weak direction the scans are compared, in what it is known to where it just counts as known.
 _DOUBLED: Floats = np.array([1.0, 2.0, 4])
-_FLAT_SCORE = 0.92  # a weak direction is open when the scans agree there by this share of their score
 
 
 class Assessment(NamedTuple):
@@ -126,7 +131,7 @@ def degenerate_directions(
         offsets = rules.max_sigma * _DOUBLED
         here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *FINE)
         beside = best_beside(pose, assessment.weakest, offsets, *images, *FINE)
-        is_degenerate[0] = beside > _FLAT_SCORE * here
+        is_degenerate[0] = beside > AS_GOOD * here
     return is_degenerate
 
 

@@ -84,14 +84,12 @@ _CONSTANT, _PRIOR, _SEEN_THROUGH = _ROW["constant"], _ROW["prior"], _ROW["log10_
 _DEGENERATE, _FEW_PRIOR = _ROW["degenerate"], _ROW["few_prior"]
 _FEW, _FEW_SEEN_THROUGH = _ROW["few"], _ROW["few_seen_through"]
 _COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", "prior"))
-_EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
-_DOUBTFUL = 0.1  # of what agrees: a pose contradicted beyond that rules out none that explains more
+_LITTLE = 0.5  # metres: so much more explains nothing
 _BARE_PRIOR = -0.25  # log odds of the prior below which a bare room may be turned by half: 1 m and 57 degrees
-_BARE_CONTRADICTED = 0.05  # of what agrees: more of a bare room is not contradicted at the right pose
-_BARE_EXCESS = 3.0  # metres beyond two walls: with more, what contradicts is a thing that changed
+_DOUBTFUL = 0.1  # of what agrees: a pose of which more is contradicted is in doubt
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
-_HOPELESS = -3.0  # log odds: of 5,500 matches none had a first pose with less than -1.3
-_AS_LIKELY = 0.6  # log odds by which a place along one long wall may be less likely than the best
+_HOPELESS = -2.0  # log odds: of 5,500 matches none had a first pose with less than -1.3
+_AS_LIKELY = 0.5  # log odds by which a place along one long wall may be less likely than the best
 _ONE_WAY = 0.12  # of what agrees: less of it runs across the rest in a corridor
 
 
@@ -197,7 +195,7 @@ class WeighedPoses:
             return False
         best = self._rows[0]
         contradicted = best[SEEN_THROUGH] + best[MISSED]
-        is_wrong_somewhere = best[EXCESS] < _BARE_EXCESS and contradicted > _BARE_CONTRADICTED * best[AGREEING]
+        is_wrong_somewhere = best[EXCESS] < _ENOUGH_EXCESS and contradicted > _DOUBTFUL * best[AGREEING]
         is_likely = is_wrong_somewhere or self.wide_priors[0] < _BARE_PRIOR
         return self.is_bare and is_likely and not self.is_told(0)
 
@@ -243,8 +241,8 @@ class WeighedPoses:
         own, best = self._rows[k], self._rows[0]
         if self.explains_more(k):
             return 1.0
-        share = min(1.0, (own[EXCESS] + _EXCESS_FLOOR) / (best[EXCESS] + _EXCESS_FLOOR))
-        share *= min(1.0, (own[WEAKEST] + _WEAKEST_FLOOR) / (best[WEAKEST] + _WEAKEST_FLOOR))
+        share = min(1.0, (own[EXCESS] + _LITTLE) / (best[EXCESS] + _LITTLE))
+        share *= min(1.0, (own[WEAKEST] + _LITTLE) / (best[WEAKEST] + _LITTLE))
         contradicted = max(own[SEEN_THROUGH] - best[SEEN_THROUGH], 0.0) + max(own[SMALL] - best[SMALL], 0.0)
         allowed = _CONTRADICTED * max(own[AGREEING], _FLOOR)
         share = math.sqrt(max(share, 0.0)) * max(0.0, 1.0 - contradicted / allowed)

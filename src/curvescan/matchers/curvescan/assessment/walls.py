@@ -9,11 +9,10 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.labels import INLIER
-from curvescan.matchers.curvescan.config import ARM
+from curvescan.matchers.curvescan.config import ARM, PARALLEL
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
 
-_ACROSS = 0.88  # cosine of the angle, 28 degrees, from which on two walls do not run alike
 _ALIKE = 0.98  # cosine of the angle, 11 degrees, within which a reading faces as its wall does, or against another
 _N_TAKEN = 48  # readings that stand for all
 _N_SEEDS = 16  # of these the ones through which walls are looked for
@@ -92,7 +91,7 @@ def longest_wall(lines: Floats, on_wall: Bools, taken: Bools, walls: Ints, turn:
             wall = walls[0 if turn == 1 else turn - 2] * step
             nx, ny = lines[LINE_NX, seed * step], lines[LINE_NY, seed * step]
             facing = nx * lines[LINE_NX, wall] + ny * lines[LINE_NY, wall]
-            if abs(facing) > _ACROSS if turn == 1 else facing > -_ALIKE:
+            if abs(facing) > PARALLEL if turn == 1 else facing > -_ALIKE:
                 continue
         length = 0.0
         for k in range(count):
