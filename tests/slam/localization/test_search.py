@@ -99,7 +99,7 @@ def test_a_place_is_sure_where_what_is_said_and_how_far_it_is_ahead_are_enough(
     ("best", "other", "is_sure"),
     [
         (_place(0.0, 1.4, 0.15), _place(3.0, 0.6, 0.1), True),
-        (_place(0.0, 1.2, 0.15), _place(3.0, 1.0, 0.1), False),
+        (_place(0.0, 1.3, 0.15), _place(3.0, 1.0, 0.1), False),
         (_place(0.0, 2.5, 0.15), _place(3.0, 2.45, 0.1), False),  # views that say the same of both do not help
         (_place(0.0, 2.0, -0.02), _place(3.0, 0.3, -0.1), False),  # it has driven out of the map since
     ],
@@ -127,7 +127,7 @@ def test_a_prior_adds_to_what_the_views_say(support: float, view: float, prior: 
 
 @pytest.mark.parametrize(("n_nowhere", "is_sure"), [(0, True), (1, False)])
 def test_several_views_must_say_more_after_views_that_fit_nowhere(n_nowhere: int, is_sure: bool) -> None:
-    found = [_place(0.0, 1.2, 0.1), _place(3.0, 0.4, 0.1)]
+    found = [_place(0.0, 1.4, 0.1), _place(3.0, 0.4, 0.1)]
     assert (Views(found=found, n_nowhere=n_nowhere).winner is found[0]) is is_sure
 
 

@@ -45,7 +45,7 @@ _MOST_AGAINST = 0.15
 _CONTOUR_M = 10.0
 """A view of a shorter contour says less, in proportion, metres: three sides of a booth fit in many places."""
 
-_ONE_VIEW, _SEVERAL_VIEWS = 1.0, 3.0
+_ONE_VIEW, _SEVERAL_VIEWS = 1.0, 3.5
 """Needed of one view, and of all together, with one more for each view that fits nowhere: twice what they say of a
 place, and how much less of any other. Of 7,000 scans and 160 starts: docs/design-notes/localization.md."""
 
