@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 import localization_single as single
 from curvescan.types import Bools
 from localization_runs import Checked, carried_away, false_elsewhere, first_fixes, tracked
-from localization_tasks import PARTS, SHOWN, LocalizationTask, task_of_floor, task_of_log
+from localization_tasks import FLOORS, PARTS, SHOWN, LocalizationTask, task_of_floor, task_of_log
 
 
 def report(
@@ -125,6 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--reference", type=Path, help="poses of its sensor")
     parser.add_argument("--stride", type=int, default=1, help="take every so many scans of the log")
     parser.add_argument("--floors", type=int, default=3, help="simulated floors without a log")
+    parser.add_argument("--kinds", default="", help=f"kinds of floors, of {''.join(FLOORS)}")
     parser.add_argument("--first", type=int, default=0, help="seed of the first floor")
     parser.add_argument("--trials", type=int, default=200, help="random starts")
     parser.add_argument("--seed", type=int, default=0, help="of the random starts")
@@ -139,6 +141,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("a log needs its reference, and a reference its log")
     if given.log is not None:
         tasks: Iterator[LocalizationTask] = iter([task_of_log(given.log, given.reference, stride=given.stride)])
+    elif given.kinds:
+        tasks = (
+            replace(task_of_floor(seed, **FLOORS[kind]), name=f"{kind} {seed}")
+            for kind in given.kinds
+            for seed in range(given.first, given.first + given.floors)
+        )
     else:
         tasks = (
             task_of_floor(seed, n_people=2, moved_share=share, n_closed=given.closed)

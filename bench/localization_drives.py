@@ -5,8 +5,7 @@ Run as ``python bench/localization_drives.py CACHE LOG...`` on logs that curvesc
 with an initial pose 1 m and 20 deg off, with ``--plain`` also in the map's cells alone, with ``--halves`` the halves of
 each log in each other's maps. No truth is needed: right fixes put one map on the other alike, and the placement that
 most poses of both drives support is the reference. Of halves it is the map of the whole log, seen from the keyframe that lies nearest,
-so that bending elsewhere does not count; how many scans the other half's map shows, and how many of these are given a
-pose, is then printed as well.
+so that bending elsewhere does not count.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ import gzip
 import itertools
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
@@ -185,29 +185,26 @@ def same_as_whole(own: Pose, other: Drive, other_in_whole: Pose) -> Callable[[Lo
     return same
 
 
-def shown_in(half: cs.Log, own: Pose, other: Drive, other_in_whole: Pose) -> Bools:
-    """Return (n,) which scans of a half the map of the other shows: SHOWN of their readings are on what its scans saw.
+def in_map_of(other: Drive, own: Pose, other_in_whole: Pose) -> Pose:
+    """Return (n, 3) where the map of one half has the scans of the other, each by the keyframe that lies nearest.
 
     own (n, 3), other_in_whole (m, 3): Poses of the scans of both halves in the map of the whole.
     """
     there = other_in_whole[other.slam_map.indices]
     nearest = cKDTree(there[:, :2]).query(own[:, :2])[1]
-    poses = se2.compose(other.slam_map.poses[nearest], se2.between(there[nearest], own))
+    poses: Pose = se2.compose(other.slam_map.poses[nearest], se2.between(there[nearest], own))
+    return poses
+
+
+def shown_in(log: cs.Log, other: Drive, poses: Pose) -> Bools:
+    """Return (n,) which scans a map shows, by their poses in it: SHOWN of their readings are on what its scans saw."""
     seen = cKDTree(map_points(other.slam_map))
-    ends = (se2.transform(pose, scan.points[scan.valid]) for scan, pose in zip(half, poses, strict=True))
+    ends = (se2.transform(pose, scan.points[scan.valid]) for scan, pose in zip(log, poses, strict=True))
     return np.array([len(p) > 0 and np.mean(seen.query(p)[0] < SHOWN_M) >= SHOWN for p in ends])
 
 
-def first_of_whole(own: Pose, other: Drive, other_in_whole: Pose) -> Pose:
-    """Return (3,) the first pose of a half in the map of the other one."""
-    there = other_in_whole[other.slam_map.indices]
-    nearest = int(np.argmin(np.hypot(*(there - own[0])[:, :2].T)))
-    first: Pose = se2.compose(other.slam_map.poses[nearest], se2.between(there[nearest], own[0]))
-    return first
-
-
-def line_of(name: str, found: Localized, same: Callable[[Localized], Bools]) -> str:
-    """Return a row of the table, and say where false poses are."""
+def line_of(name: str, found: Localized, same: Callable[[Localized], Bools], shown: Bools) -> str:
+    """Return a row of the table, and say where false fixes are."""
     known, fixes = found.is_known, found.fixes
     false = known & ~same(found)
     first = int(np.argmax(known)) if known.any() else -1
@@ -216,7 +213,8 @@ def line_of(name: str, found: Localized, same: Callable[[Localized], Bools]) -> 
     where = ", ".join(str(k) for k in fixes[false[fixes]].tolist()) if n_false else ""
     return (
         f"| {name} | {len(fixes)} | {n_false} | {first} | {np.mean(known):.1%} | {np.count_nonzero(false)} | "
-        f"{1e3 * found.seconds.mean():.1f} | {where}"
+        f"{1e3 * found.seconds.mean():.1f} | {np.mean(shown):.1%} | "
+        f"{np.mean((known & ~false)[shown]) if shown.any() else np.nan:.1%} | {where}"
     )
 
 
@@ -237,7 +235,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     drives = [make_drive(log, given.cache) for log in logs]
     # of each half, where its scans are in the map of the whole
     parts = [whole.poses[k * (len(whole.poses) // 2) :][: len(whole.poses) // 2] for whole in wholes for k in (0, 1)]
-    sys.stdout.write("| drive in map | fixes | false | first at scan | with a pose | false poses | ms a scan |\n")
+    sys.stdout.write(
+        "| drive in map | fixes | false | first at scan | with a pose | false poses | ms a scan | shown | of it right |\n"
+    )
+
+    totals: defaultdict[str, Ints] = defaultdict(lambda: np.zeros(7, dtype=np.int64))
 
     @cache
     def way(i: int, j: int) -> Localized:
@@ -250,33 +252,32 @@ def main(arguments: Sequence[str] | None = None) -> None:
         found = way(i, j)
         if given.halves:
             same = same_as_whole(parts[i], other, parts[j])
-            begin = first_of_whole(parts[i], other, parts[j])
+            there = in_map_of(other, parts[i], parts[j])
         else:
             placement = placement_of(drive, found, other, way(j, i))
             same = partial(is_same, drive, placement=placement)
-            begin = se2.compose(placement, drive.poses[0])
-        name = f"{i + 1} in {j + 1}"
-        text = line_of(name, found, same)
-        if given.halves:
-            shown = shown_in(drive.log, parts[i], other, parts[j])
-            text += f" {np.mean(shown):.1%} shown by the map, of these {np.mean(found.is_known[shown]):.1%} with a pose"
-        sys.stdout.write(text + "\n")
+            there = se2.compose(placement, drive.poses)
+        name, is_placed = f"{i + 1} in {j + 1}", not np.isnan(there).any()
+        shown = shown_in(drive.log, other, there) if is_placed else np.zeros(len(there), dtype=np.bool_)
+
+        maps = [("map.csmap", other.slam_map)] + [("plain map", plain_map_of(other, given.cache))] * given.plain
+        rows = [(kind, found if kind == "map.csmap" else localized(drive, where)) for kind, where in maps]
+        if given.prior and is_placed:
+            prior = cs.UncertainPose(there[0] + PRIOR_OFF, np.diag(PRIOR_SIGMA**2))
+            rows += [(f"{kind}, initial pose", localized(drive, where, prior)) for kind, where in maps]
+        for kind, row in rows:
+            is_right, fixes = row.is_known & same(row), row.fixes
+            count = (len(fixes), np.sum(~is_right[fixes]), np.sum(row.is_known & ~is_right), np.sum(row.is_known))
+            totals[kind] += [*count, len(is_right), np.sum(is_right & shown), np.sum(shown)]
+            off = np.hypot(*(row.poses - found.poses)[:, :2].T)
+            more = "" if row is found else f" {np.nanmedian(off):.3f} m from the pose in map.csmap"
+            sys.stdout.write(line_of(f"{name}, {kind}", row, same, shown) + more + "\n")
         sys.stdout.flush()
-        plain_map = plain_map_of(other, given.cache) if given.plain else None
-        if plain_map is not None:
-            plain = localized(drive, plain_map)
-            off = np.hypot(*(plain.poses - found.poses)[:, :2].T)
-            text = line_of(f"{name}, plain map", plain, same)
-            sys.stdout.write(f"{text} {np.nanmedian(off):.3f} m from the pose in map.csmap\n")
-            sys.stdout.flush()
-        if not given.prior or np.isnan(begin).any():
-            continue
-        prior = cs.UncertainPose(begin + PRIOR_OFF, np.diag(PRIOR_SIGMA**2))
-        for kind, where in (("initial pose", other.slam_map), ("plain map, initial pose", plain_map)):
-            if where is not None:
-                started = localized(drive, where, prior)
-                sys.stdout.write(line_of(f"{name}, {kind}", started, same) + "\n")
-                sys.stdout.flush()
+    for kind, (n_fixes, n_false, n_poses, n_known, n, n_right, n_shown) in totals.items():
+        sys.stdout.write(
+            f"all, {kind}: {n_fixes} fixes, {n_false} false, {n_poses} false poses, {n_known / n:.1%} with a pose, "
+            f"{n_right / max(n_shown, 1):.1%} of the shown right\n"
+        )
 
 
 if __name__ == "__main__":

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -15,7 +16,7 @@ from curvescan.evaluation.relations import associate
 from curvescan.io.reading import read_log, read_poses
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.simulation import World, build_world, simulate
+from curvescan.simulation import SENSORS, Sensor, World, build_world, simulate
 from curvescan.slam import Slam, SlamMap, load_map
 from curvescan.slam.localization.correlative import refined_poses, thinned
 from curvescan.slam.localization.field import DistanceField, field_of
@@ -27,6 +28,17 @@ does."""
 
 PARTS = ((SHOWN, 1.1, "in the map"), (PARTLY_SHOWN, SHOWN, "partly in the map"), (0.0, PARTLY_SHOWN, "outside"))
 """Shares of a scan that the map shows: from, below, and what it is called."""
+
+_SPINNING = SENSORS["spinning-360"]
+
+FLOORS: Mapping[str, Mapping[str, Any]] = {
+    "B": {"world": "building"},
+    "C": {"world": "building", "sensor": replace(SENSORS["urg-04lx"], range_max=4.0)},
+    "E": {"world": "building", "n_people": 15, "moved_share": 0.3, "n_closed": 3},
+    "G": {"sensor": replace(_SPINNING, time_increment=_SPINNING.period / _SPINNING.n_beams)},
+}
+"""Kinds of floors: an office floor, the same seen 4 m far with 30 mm of noise, with people, moved furniture and closed
+doors, and a flat with a laser that spins while it drives."""
 
 _DOOR_M, _WALL_M = (0.6, 1.5), 0.2
 """A gap so wide, metres, between two walls in a line, no thicker than this, is a door."""
@@ -147,6 +159,7 @@ def task_of_floor(
     seed: int,
     *,
     world: str = "office",
+    sensor: str | Sensor = "sick-lms200",
     n_test: int = 800,
     n_people: int = 0,
     moved_share: float = 0.0,
@@ -154,14 +167,14 @@ def task_of_floor(
 ) -> LocalizationTask:
     """Return a map of a simulated floor, of one lap, and a drive to random places on it."""
     built = build_world(world, seed)
-    lap = simulate(built, seed=seed, odometry_noise=None)
+    lap = simulate(built, sensor=sensor, seed=seed, odometry_noise=None)
     slam = Slam()
     for scan in lap:
         slam.add(scan)
     slam.finish()
     later = replace(with_moved_things(built, moved_share, seed), route=np.empty((0, 2)))
     later = with_closed_doors(later, n_closed, seed)
-    drive = simulate(later, seed=seed + 1000, n_scans=n_test, n_people=n_people, odometry_noise=None)
+    drive = simulate(later, sensor=sensor, seed=seed + 1000, n_scans=n_test, n_people=n_people, odometry_noise=None)
     return _task(
         f"{world} {seed}"
         + f", {moved_share:.0%} moved" * (moved_share > 0.0)

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan import se2
 from curvescan.matchers import MatchResult
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import choose_candidates
-from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of
+from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, difference
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +98,15 @@ def test_what_a_match_leaves_open_says_nothing_and_stays_open(result: MatchResul
     assert near.expectation < _tested(result).expectation
     # across nothing is known better, along it is not measured
     np.testing.assert_allclose(far.expectation, _tested(along_x, 0.0, 1.0).expectation, atol=0.01)
+
+
+@pytest.mark.parametrize("turn", [1e-3, 0.3, 1.7, -3.0])
+def test_what_lies_behind_a_turn_of_any_size_is_off_along_one_line(turn: float) -> None:
+    hinge, behind = np.array([4.0, -2.0, 0.3]), np.array([6.0, 1.0, -1.0])
+    expected, found = (se2.compose(hinge, se2.compose([0.0, 0.0, angle], behind)) for angle in (0.0, turn))
+    off = difference(expected, found)
+    lever = expected[:2] - hinge[:2]
+    np.testing.assert_allclose(off, turn * np.array([-lever[1], lever[0], 1.0]), atol=1e-12)
 
 
 def test_neighbours_are_not_tied_where_nothing_tells_how_they_lie(result: MatchResult) -> None:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from curvescan.slam.keyframes import along_walls
+import curvescan as cs
+from curvescan.slam.keyframes import Keyframes, along_walls
 
 ANGLE = 0.3
 
@@ -28,9 +29,18 @@ def test_a_direction_turns_along_the_walls(tilt):
     assert abs(np.arctan2(found[1], found[0]) - ANGLE) < 0.001
 
 
-def test_a_turn_and_what_has_no_walls_stay_as_they_are():
-    points = corridor(np.random.default_rng(2))
-    turn = np.array([0.1, 0.0, 0.5])
-    np.testing.assert_array_equal(along_walls(points, turn), turn)
+def test_a_direction_stays_as_it_is_where_there_are_no_walls():
     cloud = np.random.default_rng(3).uniform(-5.0, 5.0, (5000, 2))
     np.testing.assert_array_equal(along_walls(cloud, np.array([1.0, 0.0, 0.0])), [1.0, 0.0, 0.0])
+
+
+def test_in_a_round_room_no_keyframes_match():
+    poses = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.1]])
+    keyframes = Keyframes("curvescan", None, 2)
+    for k, scan in enumerate(cs.simulate("round-room", poses=poses, odometry_noise=None)):
+        keyframes.add(scan, k)
+    one, other = keyframes.prepared(0), keyframes.prepared(1)
+    assert one.matcher.match(one.features, other.features, None).ok
+    found = keyframes.match(0, 1, None)
+    assert not found.ok
+    assert np.isnan(found.pose).all()

@@ -69,6 +69,13 @@ def test_without_a_match_the_odometry_says_how_vague_it_is_and_the_usual_drive_i
     np.testing.assert_allclose(sigma, [0.5, 0.3, 0.2], rtol=1e-6)
 
 
+def test_turns_that_no_match_measures_go_on(drive):
+    for _ in range(5):
+        drive = drive.added(_step(0.0, replace(OPEN, degenerate_direction=np.array([0.01, 0.0, 0.25]))))
+    sigma = np.sqrt(np.diag(drive.known(WIDE).cov))
+    np.testing.assert_allclose(sigma, np.sqrt(np.diag(WIDE.cov)) * [1.0, 1.0, np.sqrt(5.0)])
+
+
 def test_before_anything_is_usual_the_odometry_says_how_little_is_known():
     drive = OpenDrive()
     drive = drive.added(_step(0.0, OPEN))

@@ -45,7 +45,7 @@ RUN_RECORD = "run.json"
 def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -> RunMaps:
     """Write all results of a run into an existing folder, run.json last, and return its maps.
 
-    helper: a process that draws meanwhile what needs no occupancy map.
+    helper: a process that draws meanwhile all but the occupancy map.
     """
     record, engine = run.record, run.engine
     write_tum(folder / "trajectory.tum", record.trajectory)
@@ -54,17 +54,15 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     title = ", ".join(filter(None, (f"{run.log.name}: {n:,} scans", record.method, what)))
     title += f" (partial: interrupted, {len(run.log):,} scans in all)" * record.is_partial
     graph = engine.map if isinstance(engine, Slam) else None
-    drawn = None
-    if helper is not None and run.maps is None:
-        light = dataclasses.replace(record, steps=())
-        drawn = helper.call_after(_draw_places, folder, light, run.scans, is_deskewed(engine), title, run.truth, graph)
-    maps = run.maps or maps_of_run(run, cell=0.05 if drawn is None else None)
+    maps = run.maps or maps_of_run(run, cell=0.05)
+    drawing = folder, dataclasses.replace(record, steps=()), run.scans, dataclasses.replace(maps, grid=None), title
+    drawn = None if helper is None else helper.call_after(_draw, *drawing, run.truth, graph)
     if maps.grid is not None:
         write_map(folder, maps.grid)
         known = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
         draw_occupancy(folder / "occupancy.png", maps.grid, known, title=f"{title}: occupancy")
     if drawn is None:
-        _draw(folder, record, run.scans, maps, title, run.truth, graph)
+        _draw(*drawing, run.truth, graph)
     if isinstance(engine, Slam):
         write_tum(folder / "trajectory_online.tum", record.online)
         slam_map = with_grid(engine.map, maps, run.occupancy)
@@ -88,24 +86,13 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     return maps
 
 
-def maps_of(
-    record: RunRecord,
-    log: Log,
-    *,
-    is_deskewed: bool,
-    cell: float | None = 0.05,
-    occupancy: OccupancyConfig | None = None,
-) -> RunMaps:
-    """Return the maps of a run, as :func:`build_maps` does, from its scans as they were matched."""
-    seen = deskewed_along(log, record.trajectory) if is_deskewed else log
-    return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=occupancy)
-
-
 def maps_of_run(run: Run, *, cell: float | None) -> RunMaps:
-    """Return the maps of a run, and its occupancy; of localization the map that it is in."""
-    if isinstance(run.engine, Localizer):
-        return RunMaps(standing=run.engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
-    return maps_of(run.record, run.scans, is_deskewed=is_deskewed(run.engine), cell=cell, occupancy=run.occupancy)
+    """Return the maps of a run from its scans as they were matched, and its occupancy; of localization its map."""
+    record, engine = run.record, run.engine
+    if isinstance(engine, Localizer):
+        return RunMaps(standing=engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
+    seen = deskewed_along(run.scans, record.trajectory) if is_deskewed(engine) else run.scans
+    return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=run.occupancy)
 
 
 def with_grid(slam_map: SlamMap, maps: RunMaps, occupancy: OccupancyConfig) -> SlamMap:
@@ -115,16 +102,10 @@ def with_grid(slam_map: SlamMap, maps: RunMaps, occupancy: OccupancyConfig) -> S
     return dataclasses.replace(slam_map, grid=grid)
 
 
-def _draw_places(
-    folder: Path, record: RunRecord, log: Log, is_deskewed: bool, title: str, truth: Pose | None, graph: SlamMap | None
-) -> None:
-    """Write the pictures that need no occupancy map, in another process."""
-    _draw(folder, record, log, maps_of(record, log, is_deskewed=is_deskewed), title, truth, graph)
-
-
 def _draw(
     folder: Path, record: RunRecord, log: Log, maps: RunMaps, title: str, truth: Pose | None, graph: SlamMap | None
 ) -> None:
+    """Draw all but the occupancy map."""
     draw_map(folder / "map.png", record, maps, title=title, truth=truth)
     n = len(record.outcomes)
     if log.odometry is not None and np.isfinite(log.odometry.poses[:n, 0]).any():

@@ -48,11 +48,6 @@ class GrowingMap:
         self._motions: list[UncertainPose] = []  # each keyframe seen from the one before
 
     @property
-    def is_begun(self) -> bool:
-        """Whether there is a keyframe of this session."""
-        return self._belief is not None
-
-    @property
     def belief(self) -> Belief:
         """What the graph knew after the last optimization."""
         assert self._belief is not None, "there is no keyframe yet"
@@ -202,7 +197,7 @@ class GrowingMap:
 
     def snapshot(self) -> SlamMap:
         """Return the map as it is now."""
-        graph, everyone = self.graph, list(self.keyframes)
+        graph, everyone = self.graph, [self.keyframes[k] for k in range(len(self.keyframes))]
         return SlamMap(
             scans=tuple(keyframe.scan for keyframe in everyone),
             poses=graph.poses.copy(),

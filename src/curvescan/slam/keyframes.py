@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections import OrderedDict
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from curvescan.matchers import DEFAULT_METHOD, MatchResult, PreparedScan, find_matcher, prepare
 from curvescan.matchers.registry import MatcherConfig
+from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.loops.overlap import N_SECTORS, range_profile
@@ -54,9 +55,6 @@ class Keyframes:
 
     def __getitem__(self, k: int) -> Keyframe:
         return self._all[k]
-
-    def __iter__(self) -> Iterator[Keyframe]:
-        return iter(self._all)
 
     def add(self, scan: LaserScan, index: int, session: int = 0) -> int:
         """Append a keyframe and return its row."""
@@ -103,11 +101,17 @@ class Keyframes:
         return found
 
     def match(self, i: int, j: int, prior: UncertainPose | None) -> MatchResult:
-        """Return the match of keyframe j with keyframe i, given what is known of it before."""
+        """Return the match of keyframe j with keyframe i, given what is known of it before.
+
+        One that leaves a turn open, in a round room, is none: many of them together seem to measure the turn.
+        """
         reference, current = self.prepared(i), self.prepared(j)
         result = reference.matcher.match(reference.features, current.features, prior)
         if result.degenerate_direction is None:
             return result
+        x, y, turn = result.degenerate_direction.tolist()
+        if math.hypot(x, y) <= abs(turn):
+            return replace(result, outcome=Outcome.UNCONSTRAINED, pose=NO_POSE, covariance=NO_COVARIANCE)
         seen = reference.scan.points[reference.scan.valid]
         return replace(result, degenerate_direction=along_walls(seen, result.degenerate_direction))
 
@@ -124,7 +128,7 @@ def compact(scan: LaserScan) -> LaserScan:
 
 
 def along_walls(points: Points, direction: Pose) -> Pose:
-    """Return an open direction, (x, y, theta), turned to how the walls beside it run; a turn stays as it is.
+    """Return an open direction, (x, y, theta), turned to how the walls beside it run.
 
     A match has it by the normals of single readings, to some milliradians. Along a corridor that is not enough: of a
     match that stands still, a way of 2 m along seems to lead 4 mm into the wall, and many edges shorten the corridor by
@@ -133,8 +137,6 @@ def along_walls(points: Points, direction: Pose) -> Pose:
     points (n, 2): of the reference scan, in whose frame the direction is.
     """
     way = float(np.hypot(direction[0], direction[1]))
-    if way <= abs(direction[2]):
-        return direction
     along = direction[:2] / way
     for _ in range(_N_ROUNDS):
         across = np.array([-along[1], along[0]])

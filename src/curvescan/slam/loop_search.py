@@ -180,11 +180,11 @@ class LoopSearch:
         """Hold a closure against others, and return those whose odds now exceed those of what they contradict."""
         self._remember(closure)
         pool = [c for c in self._pool if abs(c.j - closure.j) <= N_NEAR and c is not closure] + [closure]
-        group, against = best_group(pool, self._map.chain(), self.config)
-        if group.log_odds - max(against, 0.0) <= self.config.closures.log_odds:
+        members, lead = best_group(pool, self._map.chain(), self.config)
+        if lead <= self.config.closures.log_odds:
             self._log(closure)
             return []
-        agreed = [replace(pool[k], outcome=ClosureOutcome.AGREED) for k in group.members if not pool[k].is_accepted]
+        agreed = [replace(pool[k], outcome=ClosureOutcome.AGREED) for k in members if not pool[k].is_accepted]
         pairs = {(c.i, c.j) for c in agreed}
         self._pool = [c for c in self._pool if (c.i, c.j) not in pairs] + agreed
         return [self._accept(one) for one in agreed]

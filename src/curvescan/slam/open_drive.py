@@ -48,6 +48,7 @@ class OpenDrive(NamedTuple):
     # since the keyframe
     turned: float = 0.0  # radians
     is_open: bool = False  # whether a scan left a direction open, or everything
+    n_turns: int = 0  # scans that left a turn open
 
     def begun(self) -> OpenDrive:
         """Return what is hidden at a new keyframe."""
@@ -57,7 +58,7 @@ class OpenDrive(NamedTuple):
     def added(self, step: Step) -> OpenDrive:
         """Return what is hidden after a step of the odometry."""
         motion, turned = step.motion[:2], self.turned + float(step.motion[2])
-        after = self._replace(turned=turned)
+        after = self._replace(turned=turned, n_turns=self.n_turns + _leaves_turn_open(step))
         direction = _open_direction(step)
         if direction is None:
             n_measured = self.n_measured + step.is_matched
@@ -70,7 +71,13 @@ class OpenDrive(NamedTuple):
         return after._replace(hidden=self.hidden + hidden, since=self.since + hidden)
 
     def known(self, motion: UncertainPose) -> UncertainPose:
-        """Return the motion since the keyframe as well as it is known: along what is open by what may be hidden."""
+        """Return the motion since the keyframe as well as it is known: along what is open by what may be hidden.
+
+        Of turns in a row that no match measures the standard deviations add up, and not the variances.
+        """
+        if self.n_turns > 1:
+            added = np.diag([0.0, 0.0, (self.n_turns - 1) * motion.cov[2, 2]])
+            motion = UncertainPose(motion.pose, motion.cov + added)
         if not (self.is_open and self.n_measured):
             return motion
         across = float(np.linalg.eigvalsh(motion.cov[:2, :2])[0])
@@ -82,16 +89,22 @@ class OpenDrive(NamedTuple):
         return UncertainPose(motion.pose, cov)
 
 
+def _leaves_turn_open(step: Step) -> bool:
+    """Return whether a step measured all but a turn, in a round room."""
+    direction = step.match.degenerate_direction if step.is_matched and step.match is not None else None
+    return direction is not None and math.hypot(direction[0], direction[1]) <= abs(direction[2])
+
+
 def _open_direction(step: Step) -> Floats | None:
-    """Return the (2, 2) projection on what a step left open, frame of the sensor before; None where it measured all."""
+    """Return the (2, 2) projection on the way that a step left open, frame of the sensor before; None where none."""
     if not step.is_matched:
         return None if step.outcome is StepOutcome.STARTED else np.eye(2)
-    if step.match is None or step.match.degenerate_direction is None:
+    if step.match is None or step.match.degenerate_direction is None or _leaves_turn_open(step):
         return None
-    x, y, turn = step.match.degenerate_direction.tolist()  # frame of the keyframe that the match is with
+    x, y, _ = step.match.degenerate_direction.tolist()  # frame of the keyframe that the match is with
     seen = _turned(np.array([x, y]), float(step.motion[2] - step.match.pose[2]))
     way = math.hypot(*seen.tolist())
-    return None if way <= abs(turn) else np.outer(seen / way, seen / way)
+    return np.outer(seen / way, seen / way)
 
 
 def _turned(vector: Floats, angle: float) -> Floats:

@@ -17,7 +17,6 @@ its length decides."""
 
 _SCAN = np.dtype([("stamp", float), ("stretch", int), ("relative", float, 3), ("covariance", float, (3, 3))])
 _STRETCH = np.dtype([("first", int), ("last", int), ("way", float, 3), ("covariance", float, (3, 3))])
-_NO_WAY = identity()
 
 
 class Records:
@@ -38,7 +37,7 @@ class Records:
         if len(self._stretches) and way is not None:
             before = self._stretches.array[-1]
             before["last"], before["way"], before["covariance"] = keyframe, way.pose, way.cov
-        self._stretches.append((keyframe, -1, *_NO_WAY))
+        self._stretches.append((keyframe, -1, *identity()))
 
     def add(self, stamp: float, seen: UncertainPose) -> None:
         """Add a scan by its pose in the frame of the keyframe that the stretch began with."""

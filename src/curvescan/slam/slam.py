@@ -209,7 +209,7 @@ class Slam:
 
     def finish(self) -> Trajectory:
         """Match what still waits, optimize to the end, and return every pose."""
-        if self._map.is_begun:
+        if self._origin is not None:
             self._adopt()
             self._search.finish(self._n_scans)
             self._settle()

@@ -125,6 +125,12 @@ def test_a_prior_adds_to_what_the_views_say(support: float, view: float, prior: 
     assert (Views(found=[alike, place]).winner is place) is is_sure
 
 
+@pytest.mark.parametrize(("n_nowhere", "is_sure"), [(0, True), (1, False)])
+def test_several_views_must_say_more_after_views_that_fit_nowhere(n_nowhere: int, is_sure: bool) -> None:
+    found = [_place(0.0, 1.4, 0.1), _place(3.0, 0.4, 0.1)]
+    assert (Views(found=found, n_nowhere=n_nowhere).winner is found[0]) is is_sure
+
+
 def test_one_view_does_not_overrule_those_before() -> None:
     assert Views(found=[_place(0.0, 0.6)]).winner is not None
     assert Views(found=[_place(0.0, -0.3, 0.6)]).winner is None

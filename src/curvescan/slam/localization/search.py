@@ -3,7 +3,7 @@
 Each view brings poses at which its scan ends on walls, and earlier ones carried on by the odometry. "Not in the map" is
 one of the places: it ends on walls about as well as any other place, and a pose gathers support by how much better its
 view agrees with the map. A view, or several together, choose a place by one rule: what they say of it, and how far it
-is ahead of any other, must be enough. Several must say more: views along a corridor err alike.
+is ahead of any other, must be enough. Several must say more, as views along a corridor err alike.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ _CONTOUR_M = 10.0
 """A view of a shorter contour says less, in proportion, metres: three sides of a booth fit in many places."""
 
 _ONE_VIEW, _SEVERAL_VIEWS = 1.0, 3.5
-"""Needed of one view, and of all views together: twice what they say of a place, and how much less they say of any
-other. Of 7,000 scans alone, within and without the map: docs/design-notes/localization.md."""
+"""Needed of one view, and of all together, with one more for each view that fits nowhere: twice what they say of a
+place, and how much less of any other. Of 7,000 scans and 160 starts: docs/design-notes/localization.md."""
 
 _MARGIN = 0.1
 """They say so much less, at least, of any other place."""
@@ -70,15 +70,16 @@ class Views:
     """What the views so far say of places in a map."""
 
     found: Sequence[Place]  # the likeliest first, none the same
+    n_nowhere: int = 0  # views that speak for no place: the sensor was outside the map, or the map has changed
 
     @property
     def winner(self) -> Place | None:
         """The place for which the last view, or all views together, speak clearly more than for any other."""
         best = _chosen([(place, place.view, place.walls) for place in self.found], _ONE_VIEW)
-        # nor may the views before speak against it
-        if best is not None and best.wall_support >= best.walls - _MARGIN:
+        if best is not None and best.wall_support >= best.walls - _MARGIN:  # nor do views before speak against it
             return best
-        best = _chosen([(place, place.support, place.wall_support) for place in self.found], _SEVERAL_VIEWS)
+        needed = _SEVERAL_VIEWS + self.n_nowhere  # outside the map a corridor looks like one inside for long
+        best = _chosen([(place, place.support, place.wall_support) for place in self.found], needed)
         # a corridor repeats over many views: they do not outweigh where the sensor was and how it has moved since;
         # and where it leaves the map, views before it did speak for places that the last one is against
         return best if best is not None and best.prior > -0.5 * _MARGIN and best.walls >= 0.0 else None
@@ -123,7 +124,8 @@ class MapSearch:
         if prior is not None:
             near = np.ascontiguousarray(self._places[prior.is_near(self._places)])
             poses = np.concatenate((poses, likely_poses(self.field, near, few, self._n_tried)))
-        earlier: Sequence[Place] = before[0].found if before is not None else ()
+        past = before[0] if before is not None else Views(found=())
+        earlier = past.found
         if before is not None and earlier:
             carried = se2.compose(np.array([place.pose for place in earlier]), before[1].pose)
             poses = np.concatenate((refined_poses(self.field, carried, few), poses))
@@ -141,15 +143,14 @@ class MapSearch:
             walls, view = said(contour, fit), said(contour, fit + SCORE * score)
             # the sensor may have come into the map with the view before, where it was expected also with this one
             least = 0.0 if likely > 0.0 else -_MOST_AGAINST
-            so_far = max(earlier[k].support if k < len(earlier) else missed, least)
-            so_far_walls = max(earlier[k].wall_support if k < len(earlier) else missed_walls, least)
-            support = max(view, -_MOST_AGAINST) + so_far
-            wall_support = max(walls, -_MOST_AGAINST) + so_far_walls
-            new.append(
-                Place(pose=pose, walls=walls, view=view, wall_support=wall_support, support=support, prior=likely)
-            )
+            so_far = earlier[k].support if k < len(earlier) else missed
+            walls_so_far = earlier[k].wall_support if k < len(earlier) else missed_walls
+            support = max(view, -_MOST_AGAINST) + max(so_far, least)
+            by_walls = max(walls, -_MOST_AGAINST) + max(walls_so_far, least)
+            new.append(Place(pose=pose, walls=walls, view=view, wall_support=by_walls, support=support, prior=likely))
         new.sort(key=lambda place: (-(place.support + place.prior), -place.walls))
-        return Views(found=new[: self._n_tried])
+        is_nowhere = max((place.walls for place in new), default=-1.0) < _MARGIN
+        return Views(found=new[: self._n_tried], n_nowhere=past.n_nowhere + is_nowhere)
 
     def known(self, prior: Prior | None, poses: Pose) -> Floats:
         """Return (n,) how much a prior speaks for poses (n, 3), in units of agreement."""
@@ -180,7 +181,6 @@ def _chosen(places: Sequence[tuple[Place, float, float]], needed: float) -> Plac
     rows = np.array([(by_all, by_walls) for _, by_all, by_walls in places]) + [[p.prior] for p, _, _ in places]
     best = int(np.argmax(rows[:, 0]))
     # matches do not decide between two places whose walls look alike
-    ahead = (rows[best] - np.max(np.delete(rows, best, axis=0), axis=0, initial=-1.0)).tolist()
-    most = float(rows[best, 0])
-    is_clear = most >= 0.0 and min(ahead) >= _MARGIN and 2.0 * most + ahead[0] >= needed
+    most, ahead = rows[best, 0], rows[best] - np.max(np.delete(rows, best, axis=0), axis=0, initial=-1.0)
+    is_clear = most >= 0.0 and ahead.min() >= _MARGIN and 2.0 * most + ahead[0] >= needed
     return places[best][0] if is_clear else None

@@ -8,8 +8,6 @@ one that counted. One place may look like another for a stretch, so that the sum
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from curvescan import se2
@@ -28,23 +26,15 @@ MOST_LOG_ODDS = 14.0
 _MOST_BRANCHES = 20_000
 
 
-class Group(NamedTuple):
-    """Closures that agree, and their log odds."""
-
-    members: list[int]
-    log_odds: float
-
-
 def log_odds_of(group: list[Closure], known: list[Closure], chain: Chain, config: SlamConfig) -> float:
     """Return the log odds of closures that agree, less those of the known ones that contradict them."""
     pool = [*known, *group]
     members, others = np.arange(len(known), len(pool)), np.arange(len(known))
-    against = _contradicting(pool, others, members, agreements(pool, chain, config, 0.0), chain, config)
-    return _odds(pool, members, chain) - max(_odds(pool, against, chain), 0.0)
+    return _lead(pool, others, members, agreements(pool, chain, config, 0.0), chain, config)
 
 
-def best_group(pool: list[Closure], chain: Chain, config: SlamConfig) -> tuple[Group, float]:
-    """Return the set that the last closure of a pool belongs to, and the log odds of the best one that contradicts it.
+def best_group(pool: list[Closure], chain: Chain, config: SlamConfig) -> tuple[list[int], float]:
+    """Return the set that the last closure of a pool belongs to, and its log odds less those of what contradicts it.
 
     The ways between closures count up to where they would guide a match.
     """
@@ -53,17 +43,15 @@ def best_group(pool: list[Closure], chain: Chain, config: SlamConfig) -> tuple[G
     friends = np.flatnonzero(agrees[last, :last])
     members = np.append(friends[largest_clique(agrees[np.ix_(friends, friends)])], last)
     others = np.setdiff1d(np.arange(last), members)
-    against = _contradicting(pool, others, members, agrees, chain, config)
-    return Group(members.tolist(), _odds(pool, members, chain)), _odds(pool, against, chain)
+    return members.tolist(), _lead(pool, others, members, agrees, chain, config)
 
 
-def _contradicting(
-    pool: list[Closure], others: Ints, members: Ints, agrees: Bools, chain: Chain, config: SlamConfig
-) -> Ints:
-    """Return the largest set of others that contradict most of the members, however the ways between may have erred."""
+def _lead(pool: list[Closure], others: Ints, members: Ints, agrees: Bools, chain: Chain, config: SlamConfig) -> float:
+    """Return the log odds of a set less those of the others that contradict most of it, however the ways may err."""
     is_possible = agreements(pool, chain, config, np.inf)[np.ix_(others, members)]
     others = others[is_possible.mean(axis=1) < 0.5]
-    return np.asarray(others[largest_clique(agrees[np.ix_(others, others)])])
+    against = others[largest_clique(agrees[np.ix_(others, others)])]
+    return _odds(pool, members, chain) - max(_odds(pool, against, chain), 0.0)
 
 
 def agreements(pool: list[Closure], chain: Chain, config: SlamConfig, known: float) -> Bools:
@@ -137,7 +125,8 @@ def _clique(links: Bools) -> Ints:
         if kept == 0:
             if depth + 1 > n_best:
                 n_best = depth + 1
-                best[:n_best] = current[:n_best]
+                for k in range(n_best):
+                    best[k] = current[k]
             continue
         depth += 1
         n_candidates[depth], upcoming[depth] = kept, 0

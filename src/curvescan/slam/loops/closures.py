@@ -163,10 +163,9 @@ def log_odds(closure: Closure) -> float:
 
 
 def difference(one: Pose, other: Pose) -> Pose:
-    """Return the second pose minus the first, angles wrapped."""
-    off = other - one
-    off[2] = se2.wrap(off[2])
-    return off
+    """Return by how much the second pose is off: what lies behind a turn is off along one line, however far it goes."""
+    x, y, turn = se2.log(se2.compose(other, se2.inverse(one))).tolist()
+    return np.array([x - one[1] * turn, y + one[0] * turn, turn])
 
 
 def expectation_of(off: Pose, cov: Cov, config: SlamConfig) -> float:

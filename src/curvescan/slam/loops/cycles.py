@@ -66,11 +66,12 @@ def _by_chain(
     gathered: Cov, a: int, b: int, x: float, y: float, heading: float, known: float
 ) -> tuple[float, float, float, float, float, float]:
     """Return the covariance (xx, xy, yy, xt, yt, tt) of the motions from a to b, seen by a frame of a heading."""
-    way = gathered[max(a, b)] - gathered[min(a, b)]
-    h0, h1, tt = way[0, 2] - y * way[2, 2], way[1, 2] + x * way[2, 2], way[2, 2]
-    xx = way[0, 0] - y * (way[0, 2] + h0)
-    xy = way[0, 1] + x * way[0, 2] - y * h1
-    yy = way[1, 1] + x * (way[1, 2] + h1)
+    late, early = gathered[max(a, b)], gathered[min(a, b)]
+    xt, yt, tt = late[0, 2] - early[0, 2], late[1, 2] - early[1, 2], late[2, 2] - early[2, 2]
+    h0, h1 = xt - y * tt, yt + x * tt
+    xx = late[0, 0] - early[0, 0] - y * (xt + h0)
+    xy = late[0, 1] - early[0, 1] + x * xt - y * h1
+    yy = late[1, 1] - early[1, 1] + x * (yt + h1)
     if max(xx, yy) > known * known:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     c, s = math.cos(heading), math.sin(heading)

@@ -78,9 +78,7 @@ def _normal_matrix(jacobians: Floats, edges: Edges, weights: Floats, anchors: In
     from scipy.sparse import bsr_array  # loads for a good part of a second
 
     m, k = len(edges.ends), len(anchors)
-    is_held = np.zeros(n, dtype=np.bool_)
-    is_held[anchors] = True
-    jacobians[is_held[edges.ends]] = 0.0
+    jacobians[np.isin(edges.ends, anchors)] = 0.0
     weighted = (weights[:, np.newaxis, np.newaxis] * edges.information)[:, np.newaxis] @ jacobians
     # two blocks a row, those of the poses that an edge joins; one for each anchor
     where = np.append(edges.ends, anchors), np.append(2 * np.arange(m), 2 * m + np.arange(k + 1))
