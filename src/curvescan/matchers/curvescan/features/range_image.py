@@ -37,7 +37,7 @@ _TINY = 1e-300  # so that the origin is not divided by zero
 # at both ends as Chebyshev's do; rounded, so that all machines agree.
 _PLACES = np.cos(np.arange(1, 128, 2) * math.pi / 256)
 _POWERS = _PLACES[:, np.newaxis] ** np.arange(3, 18, 2)
-_ATAN = tuple(np.linalg.lstsq(_POWERS, np.arctan(_PLACES) - _PLACES, rcond=None)[0].round(9).tolist())
+_ATAN: tuple[float, ...] = tuple(np.linalg.lstsq(_POWERS, np.arctan(_PLACES) - _PLACES, rcond=None)[0].round(9).tolist())
 
 
 @kernel
