@@ -133,7 +133,6 @@ def _best_headings(field: DistanceField, places: Points, points: Points) -> tupl
 def _refined(field: DistanceField, rough: Pose, points: Points) -> tuple[Pose, Floats]:
     """Return poses moved uphill on a finer score by steps that are halved, and that score."""
     poses, scores = rough.copy(), np.zeros(len(rough))
-    trial = np.empty(3)
     for p in range(len(rough)):
         step, turn, reach = 0.5 * STEP_M, 0.5 * STEP_RAD, REACH_M
         for _ in range(4):
@@ -145,12 +144,13 @@ def _refined(field: DistanceField, rough: Pose, points: Points) -> tuple[Pose, F
                 n += 1
                 for axis in range(3):
                     for sign in (-1, 1):
-                        trial[:] = poses[p]
-                        trial[axis] += (turn if axis == 2 else step) * sign
-                        score = _score(field, points, trial, reach, 0.0)
+                        before = poses[p, axis]
+                        poses[p, axis] += (turn if axis == 2 else step) * sign
+                        score = _score(field, points, poses[p], reach, 0.0)
                         if score > best:
                             best, moved = score, True
-                            poses[p] = trial
+                        else:
+                            poses[p, axis] = before
             step, turn, reach = 0.5 * step, 0.5 * turn, max(0.5 * reach, ON_WALL_M)
         scores[p] = _score(field, points, poses[p], 0.5 * REACH_M, 0.0)
     return poses, scores
