@@ -36,8 +36,8 @@ _TINY = 1e-300  # so that the origin is not divided by zero
 # Coefficients of the odd powers of the arc tangent on [0, 1], from the third on, by least squares at places that crowd
 # at both ends as Chebyshev's do; rounded, so that all machines agree.
 _PLACES = np.cos(np.arange(1, 128, 2) * math.pi / 256)
-_POWERS = _PLACES[:, np.newaxis] ** np.arange(3, 18, 2)
-_ATAN = tuple(np.linalg.lstsq(_POWERS, np.arctan(_PLACES) - _PLACES, rcond=None)[0].round(9).tolist())
+_FIT = np.linalg.lstsq(_PLACES[:, np.newaxis] ** np.arange(3, 18, 2), np.arctan(_PLACES) - _PLACES, rcond=None)[0]
+_ATAN: tuple[float, ...] = tuple(_FIT.round(9).tolist())
 
 
 @kernel
