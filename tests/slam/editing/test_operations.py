@@ -208,6 +208,17 @@ def two_halves_of_a_floor():
 
 
 @pytest.mark.slow
+def test_a_place_is_another_from_twice_as_far_on_as_maps_bend():
+    """Six matches agree; four others lay the map 0.7 m on, where some agree with both, or 1.1 m on."""
+    at = np.array([0.0] * 6 + [0.7] * 4)
+    places = np.stack([at, np.zeros(10), np.zeros(10)], axis=1)
+    assert merging._agreed(places, np.arange(10)).tolist() == [True] * 6 + [False] * 4
+    with pytest.raises(InvalidArgumentError, match="6 keyframes match .* 4 on another place"):
+        merging._agreed(places * [1.1 / 0.7, 1.0, 1.0], np.arange(10))
+    with pytest.raises(InvalidArgumentError, match="0 keyframes match .* 0 on another place"):
+        merging._agreed(places[:0], np.arange(0))
+
+
 def test_plain_maps_are_merged_by_command_and_refused_where_nothing_joins_them(tmp_path, capsys):
     whole, left, right = two_halves_of_a_floor()
     for name, grid in (("left", left), ("right", right)):

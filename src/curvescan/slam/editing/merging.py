@@ -29,7 +29,7 @@ _AGREES_M, _AGREES_RAD = 0.5, 0.1
 """Two matches agree when they put the one map in the other within this: maps bend by as much over tens of metres."""
 
 _LEAST, _MARGIN = 5, 3
-"""Keyframes whose matches must agree, and how many times as many as agree on any other place."""
+"""Keyframes whose matches must agree, and how many times as many as on another place, which lies twice as far off."""
 
 
 def merged(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> SlamMap:
@@ -108,17 +108,17 @@ def _agreed(places: Pose, views: Ints) -> Bools:
     """Return (k,) which matches of views (k,) agree on where they put a map (k, 3), or refuse."""
     near = np.array([_is_same(place, places) for place in places], dtype=np.bool_).reshape(len(places), len(places))
     support = np.array([len(np.unique(views[row])) for row in near], dtype=np.int64)
-    best = near[np.argmax(support)] if len(support) else np.zeros(0, dtype=np.bool_)
-    most, rival = support.max(initial=0), support[~best].max(initial=0)
+    best = places[np.argmax(support)] if len(places) else np.zeros(3)
+    most, rival = support.max(initial=0), support[~_is_same(best, places, 2.0)].max(initial=0)
     if most < _LEAST or most < _MARGIN * rival:
         raise InvalidArgumentError(
             f"nothing joins the two maps: {most} keyframes match without a guess and agree on how they lie, "
             f"{rival} on another place; {_LEAST} are needed, and {_MARGIN} times as many as on any other"
         )
-    return best
+    return _is_same(best, places)
 
 
-def _is_same(one: Pose, other: Pose) -> Bools:
-    """Return (n,) whether two poses are the same but for what maps bend."""
+def _is_same(one: Pose, other: Pose, times: float = 1.0) -> Bools:
+    """Return (n,) whether two poses are the same but for what maps bend, or so many times as much."""
     off = se2.between(one, other)
-    return np.asarray((np.hypot(off[:, 0], off[:, 1]) < _AGREES_M) & (np.abs(off[:, 2]) < _AGREES_RAD))
+    return np.asarray((np.hypot(off[:, 0], off[:, 1]) < times * _AGREES_M) & (np.abs(off[:, 2]) < times * _AGREES_RAD))
