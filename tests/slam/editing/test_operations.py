@@ -213,9 +213,9 @@ def test_a_place_is_another_from_twice_as_far_on_as_maps_bend():
     at = np.array([0.0] * 6 + [0.7] * 4)
     places = np.stack([at, np.zeros(10), np.zeros(10)], axis=1)
     assert merging._agreed(places, np.arange(10)).tolist() == [True] * 6 + [False] * 4
-    with pytest.raises(InvalidArgumentError, match="6 keyframes match .* 4 on another place"):
+    with pytest.raises(InvalidArgumentError, match=r"6 keyframes match .* 4 on another place"):
         merging._agreed(places * [1.1 / 0.7, 1.0, 1.0], np.arange(10))
-    with pytest.raises(InvalidArgumentError, match="0 keyframes match .* 0 on another place"):
+    with pytest.raises(InvalidArgumentError, match=r"0 keyframes match .* 0 on another place"):
         merging._agreed(places[:0], np.arange(0))
 
 
