@@ -207,7 +207,6 @@ def two_halves_of_a_floor():
     return whole, left, grid_editing.moved(right, (3.0, -20.0, 1.0))
 
 
-@pytest.mark.slow
 def test_a_place_is_another_from_twice_as_far_on_as_maps_bend():
     """Six matches agree; four others lay the map 0.7 m on, where some agree with both, or 1.1 m on."""
     at = np.array([0.0] * 6 + [0.7] * 4)
@@ -219,6 +218,7 @@ def test_a_place_is_another_from_twice_as_far_on_as_maps_bend():
         merging._agreed(places[:0], np.arange(0))
 
 
+@pytest.mark.slow
 def test_plain_maps_are_merged_by_command_and_refused_where_nothing_joins_them(tmp_path, capsys):
     whole, left, right = two_halves_of_a_floor()
     for name, grid in (("left", left), ("right", right)):
