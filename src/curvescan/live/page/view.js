@@ -125,8 +125,8 @@ stage.draw = (k) => {
   if (pose) drawRobot(pose, run.covariances.subarray(4 * i, 4 * i + 4), k === 0);
   if (k === 0 && mending) drawMending(run);
   if (runs.length > 1) {
-    pen.fillStyle = colours.text; pen.font = "600 14px system-ui, sans-serif"; pen.textAlign = "center";
-    pen.fillText(`${run.name} (${run.mode})`, pane.cx, pane.cy - 0.5 * pane.h + 4);
+    pen.fillStyle = colours.text; pen.font = "600 14px system-ui, sans-serif"; pen.textAlign = "left";
+    pen.fillText(`${run.name} (${run.mode})`, pane.cx - 0.5 * pane.w + 8, pane.cy - 0.5 * pane.h + 16);
   }
 };
 
