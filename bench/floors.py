@@ -232,14 +232,11 @@ def recorded(kind: str, seed: int, *, has_wheels: bool) -> tuple[MemoryLog, Pose
         laps = [(world, np.array(states)[:: round(sensor.period / 0.05), :3], 0)]
     elif kind in "BCE":
         world = offices(seed)
-        there = drive_route(world, _DRIVE, sensor.period, np.random.default_rng(seed))
-        back = drive_route(
-            replace(world, route=np.roll(world.route, -1, axis=0)[::-1]),
-            _DRIVE, sensor.period, np.random.default_rng(seed),
+        then = with_closed_doors(with_moved_things(world, 0.3, seed), 3, seed) if kind == "E" else world
+        home = replace(then, route=np.roll(world.route, -1, axis=0)[::-1])
+        there, back = (
+            drive_route(one, _DRIVE, sensor.period, np.random.default_rng(seed)) for one in (world, home)
         )  # fmt: skip
-        then = world
-        if kind == "E":
-            then = with_closed_doors(with_moved_things(world, 0.3, seed), 3, seed)
         turn = np.linspace(there[-1], [*back[0, :2], there[-1, 2] + se2.wrap(back[0, 2] - there[-1, 2])], 20)
         n_people = 3 if kind == "E" else 0
         laps = [(world, there, n_people), (then, np.concatenate((turn[1:-1], back)), n_people)]
@@ -353,7 +350,9 @@ def _n_false(slam_map: SlamMap, true: Pose, is_closure: np.ndarray) -> int:
     scans = slam_map.indices[slam_map.ends[is_closure]]
     off = se2.between(se2.between(true[scans[:, 0]], true[scans[:, 1]]), slam_map.measured[is_closure])
     claimed = slam_map.edge_covariances[is_closure][:, :2, :2].max(axis=(1, 2)) < FALSE_M**2
-    return int(np.count_nonzero(((np.hypot(off[:, 0], off[:, 1]) > FALSE_M) & claimed) | (np.abs(off[:, 2]) > FALSE_RAD)))
+    return int(
+        np.count_nonzero(((np.hypot(off[:, 0], off[:, 1]) > FALSE_M) & claimed) | (np.abs(off[:, 2]) > FALSE_RAD))
+    )
 
 
 def _recall(slam_map: SlamMap, stamps: Floats, true: Pose) -> tuple[float, float]:
