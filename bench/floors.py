@@ -151,7 +151,8 @@ def offices(seed: int) -> World:
             wide_m, deep_m = rng.uniform(0.8, 1.2), 2.0 * rng.uniform(0.08, 0.2)
             steps.append([x + at, y + out, wide_m, deep_m, 0.0] if is_level else [x + out, y + at, deep_m, wide_m, 0.0])
             at += rng.uniform(2.0, 5.0)
-    world = replace(world, boxes=np.vstack((world.boxes, steps)))
+    frames = World(boxes=np.array(steps)).segments
+    world = replace(world, walls=np.vstack((world.walls, frames)))
     floor = np.array([[0.0, 0.0], [length, 0.0], [length, 30.0], [0.0, 30.0]])
     return replace(world, name="offices", floor=floor, route=np.array(route))
 

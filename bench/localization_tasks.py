@@ -17,6 +17,7 @@ from curvescan.io.reading import read_log, read_poses
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.simulation import SENSORS, Sensor, World, build_world, simulate
+from curvescan.simulation.buildings.floorplan import WALL_THICKNESS
 from curvescan.slam import Slam, SlamMap, load_map
 from curvescan.slam.localization.correlative import refined_poses, thinned
 from curvescan.slam.localization.field import DistanceField, field_of
@@ -189,16 +190,25 @@ def task_of_floor(
 
 
 def with_moved_things(world: World, share: float, seed: int) -> World:
-    """Return a world with a share of its boxes and cylinders 0.4 to 1 m from where they stood, boxes turned as well."""
+    """Return a world with a share of its boxes and cylinders 0.4 to 1 m from where they stood, boxes turned as well.
+
+    Walls, the boxes of a wall's thickness, stay.
+    """
     rng = np.random.default_rng([seed, 7])
     boxes, circles = world.boxes.copy(), world.circles.copy()
     for things in (boxes, circles):
-        chosen = rng.random(len(things)) < share
+        chosen = (rng.random(len(things)) < share) & ~_is_wall(things)
         way, direction = rng.uniform(0.4, 1.0, len(things)), rng.uniform(-np.pi, np.pi, len(things))
         shift = way[:, np.newaxis] * np.column_stack((np.cos(direction), np.sin(direction)))
         things[chosen, :2] += shift[chosen]
-    boxes[:, 4] += np.where(rng.random(len(boxes)) < share, rng.uniform(0.0, np.pi, len(boxes)), 0.0)
+    is_turned = (rng.random(len(boxes)) < share) & ~_is_wall(boxes)
+    boxes[:, 4] += np.where(is_turned, rng.uniform(0.0, np.pi, len(boxes)), 0.0)
     return replace(world, boxes=boxes, circles=circles)
+
+
+def _is_wall(things: Floats) -> Bools:
+    """Return (n,) which of some boxes, or cylinders, are walls."""
+    return np.isclose(things[:, 2:4], WALL_THICKNESS).any(axis=1) & (things.shape[1] == 5)
 
 
 def with_closed_doors(world: World, n: int, seed: int) -> World:
