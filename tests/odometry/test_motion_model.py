@@ -17,7 +17,7 @@ SEEN = UncertainPose(np.array([0.1, 0.01, 0.05]), np.diag([1e-6, 1e-6, 1e-8]))
 
 def updated(model, stamp=0.0, motion=SEEN, odometry_pose=None, **how):
     """The model after one more scan."""
-    given = {"is_plausible": True, "is_fully_observed": True} | how
+    given = {"is_fully_observed": True} | how
     return model.updated(model.predict(stamp, odometry_pose), motion, **given)
 
 
@@ -91,12 +91,6 @@ def test_what_no_match_shows_is_expected_less_surely_with_each_step():
         sigmas.append(expected.cov[0, 0])
         model = updated(model, 0.1 * k, expected, is_fully_observed=False)
     assert (np.diff(sigmas) > 0.009).all()
-
-
-def test_a_motion_that_is_not_plausible_is_not_repeated():
-    leap = UncertainPose(np.array([2.0, 0.0, 1.0]), SEEN.cov)
-    model = updated(steady(), 0.1, leap, is_plausible=False)
-    np.testing.assert_array_equal(model.predict(0.2, None).motion.pose, 0.0)
 
 
 def test_failures_repeat_the_motion_only_so_often():
@@ -183,9 +177,7 @@ def test_the_noise_of_wheels_after_one_error_of_theirs():
     model = updated(steady(), 0.1, odometry_pose=np.zeros(3))
     prediction = model.predict(0.2, np.array([0.1, 0.0, 0.0]))
     error = np.array([0.02, 0.03, 0.015])
-    model = model.updated(
-        prediction, UncertainPose(prediction.motion.pose + error, SEEN.cov), is_plausible=True, is_fully_observed=True
-    )
+    model = model.updated(prediction, UncertainPose(prediction.motion.pose + error, SEEN.cov), is_fully_observed=True)
     cov = prediction.motion.cov
     square = 0.5 * (0.02**2 + 0.03**2) / cov[0, 0], 0.015**2 / cov[2, 2]
     for learned, one in zip(model.odometry_noise, square, strict=True):
@@ -196,7 +188,7 @@ def test_the_noise_of_wheels_after_one_error_of_theirs():
         for k in range(200):
             prediction = model.predict(0.1 * k, np.array([0.1 * k, 0.0, 0.0]))
             motion = UncertainPose(prediction.motion.pose + np.array(off), SEEN.cov)
-            model = model.updated(prediction, motion, is_plausible=True, is_fully_observed=True)
+            model = model.updated(prediction, motion, is_fully_observed=True)
         assert model.odometry_noise == pytest.approx((limit, limit))
 
 

@@ -150,6 +150,15 @@ class Matching:
             return guided if is_better else alone
         return alone if alone.is_better_than(guided, min_score) else guided
 
+    def match_around(
+        self, reference: PreparedScan, current: PreparedScan, origin: UncertainPose, prediction: Prediction
+    ) -> GatedMatch:
+        """Return a match made from where a sensor may be that moved unseen, compared with what is expected."""
+        motion = self.config.motion
+        around = compose(origin, prediction.inflated(motion))
+        result = self.matcher.match(reference.features, current.features, around)
+        return gate(decided_by_expectation(result, around, motion), compose(origin, prediction.motion), motion)
+
     def _gated(
         self,
         reference: PreparedScan,
@@ -165,7 +174,7 @@ class Matching:
             result = decided_by_expectation(result, expected, motion)
             if result.ok and is_vague_along(expected, result):
                 # without a guess, where the scans do not show by themselves the place along the open direction
-                is_own = not result.is_guess_decisive and _is_placed(result.candidates[0])
+                is_own = not result.is_guess_decisive and _n_known(result.candidates[0]) == 3
                 own = result if is_own else self.matcher.match(reference.features, current.features, None)
                 measured = unguided_measurement(own)
         return gate(result, expected, motion, repeated, measured)
@@ -200,7 +209,7 @@ def unguided_measurement(result: MatchResult) -> UncertainPose | None:
     if result.degenerate_direction is None:
         return UncertainPose(result.pose, result.covariance)
     best = result.candidates[0]
-    return UncertainPose(best.pose, best.covariance) if _is_placed(best) else None
+    return UncertainPose(best.pose, best.covariance) if _n_known(best) == 3 else None
 
 
 def decided_by_expectation(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> MatchResult:
@@ -212,9 +221,9 @@ def decided_by_expectation(result: MatchResult, expected: UncertainPose, config:
         return result
     best = result.candidates[0]
     direction, near = best.degenerate_direction, best.covariance
-    if _n_known(best) < (3 if direction is None else 2):
+    if _n_known(best) < 3 - (direction is not None):
         return result
-    if direction is not None and not _is_placed(best):
+    if direction is not None and _n_known(best) < 3:
         near = near - (1.0 - _NEAR**2) * np.outer(direction, direction)
     if fuse(expected, UncertainPose(best.pose, near))[1] > config.motion_gate_chi2:
         return result
@@ -238,8 +247,3 @@ def log_odds_of_best(result: MatchResult) -> float:
 def _n_known(best: Candidate) -> int:
     """Return along how many directions the scans measure a candidate."""
     return int(np.linalg.matrix_rank(best.information, tol=_OPEN**-2, hermitian=True))
-
-
-def _is_placed(best: Candidate) -> bool:
-    """Return whether the scans measure all of a candidate: along a degenerate direction by its best place."""
-    return _n_known(best) == len(best.pose)

@@ -130,16 +130,13 @@ class MotionModel:
         """Return the model after a scan that says nothing of the motion, the first."""
         return replace(self, odometry_pose=prediction.odometry_pose, moved=None, clock=prediction.clock)
 
-    def updated(
-        self, prediction: Prediction, motion: UncertainPose, *, is_plausible: bool, is_fully_observed: bool
-    ) -> MotionModel:
+    def updated(self, prediction: Prediction, motion: UncertainPose, *, is_fully_observed: bool) -> MotionModel:
         """Return the model after a scan whose motion was measured."""
         model = self._changed_by(motion.pose - self.last.pose) if is_fully_observed else self._inflated()
         if is_fully_observed and prediction.is_measured:
             model = replace(model, odometry_noise=self._learned_noise(prediction, motion.pose))
-        last = motion if is_plausible else identity()
-        moved = self._moved(prediction, motion) if is_plausible else None
-        return replace(model.advanced(prediction), moved=moved, last=last, n_failures=0)
+        moved = self._moved(prediction, motion)
+        return replace(model.advanced(prediction), moved=moved, last=motion, n_failures=0)
 
     def updated_without_match(self, prediction: Prediction, motion: UncertainPose) -> MotionModel:
         """Return the model after a scan that nothing matches, and for which `motion` was taken."""

@@ -9,7 +9,7 @@ from functools import cached_property
 from curvescan.matchers import MatchResult, PreparedScan
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
-from curvescan.odometry.measurement import GatedMatch, Matching, gate
+from curvescan.odometry.measurement import GatedMatch, Matching
 from curvescan.odometry.motion_model import MotionModel, Prediction
 from curvescan.odometry.step import StepOutcome
 from curvescan.scan import LaserScan
@@ -93,12 +93,6 @@ class Attempt:
     reference: PreparedScan  # the one it was matched with
     origin: UncertainPose  # the last scan seen from it
 
-    def chained(self, gated: GatedMatch, previous: PreparedScan) -> Attempt:
-        """Return the attempt with the previous scan."""
-        return Attempt(
-            last=self.last, gated=gated, outcome=StepOutcome.CHAINED, reference=previous, origin=identity()
-        )  # fmt: skip
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Observation:
@@ -155,31 +149,25 @@ class Placement:
 def try_references(observation: Observation, last: Localization) -> Attempt:
     """Return the match with the keyframe in use or, where that leaves doubt and it does better, the previous scan.
 
-    A motion may change at once, as where a robot stops or begins to turn: where neither matches near the expected one,
-    the nearer of both is tried as far around as a sensor moves unseen.
+    Where neither shows the scan near the expected motion, the last one is tried as far around as a sensor moves unseen:
+    a robot stops, or begins to turn, at once.
     """
     matching, previous = observation.matching, observation.state.previous
-    current, prediction, config = observation.current, observation.prediction, matching.config
-    min_score = config.keyframes.min_score
-    attempt = Attempt(
+    current, prediction = observation.current, observation.prediction
+    rules = matching.config.keyframes
+    attempt = nearest = Attempt(
         last=last,
         gated=matching.match(last.keyframe.scan, current, last.pose_keyframe_scan, prediction),
         outcome=StepOutcome.MATCHED,
         reference=last.keyframe.scan,
         origin=last.pose_keyframe_scan,
     )
-    if attempt.gated.is_confident(min_score):
+    if attempt.gated.is_confident(rules.min_score):
         return attempt
     if previous is not None and previous is not attempt.reference:
         second = matching.match(previous, current, identity(), prediction)
-        if second.is_better_than(attempt.gated, min_score):
-            attempt = attempt.chained(second, previous)
-    if attempt.gated.is_accepted(config.keyframes.least_score) or prediction.is_measured or not config.motion.is_fused:
+        nearest = replace(attempt, gated=second, outcome=StepOutcome.CHAINED, reference=previous, origin=identity())
+        attempt = nearest if second.is_better_than(attempt.gated, rules.min_score) else attempt
+    if attempt.gated.is_accepted(rules.least_score) or prediction.is_measured or not matching.config.motion.is_fused:
         return attempt
-    anywhere = UncertainPose(prediction.motion.pose, config.motion.recovery_covariance)
-    if previous is None or previous is attempt.last.keyframe.scan:
-        previous, origin = attempt.last.keyframe.scan, last.pose_keyframe_scan
-    else:
-        attempt, origin = attempt.chained(attempt.gated, previous), identity()
-    found = matching.matcher.match(previous.features, current.features, compose(origin, anywhere))
-    return replace(attempt, gated=gate(found, compose(origin, prediction.motion), config.motion))
+    return replace(nearest, gated=matching.match_around(nearest.reference, current, nearest.origin, prediction))

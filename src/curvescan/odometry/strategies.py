@@ -54,10 +54,9 @@ def _track(o: Observation, attempt: Attempt) -> Placement | None:
     gated, result = sweep.gated, sweep.gated.result
     expected = o.prediction.repeated if gated.is_by_last_motion else o.expected
     measured = compose(inverse(attempt.origin), gated.measured)
-    motion = step_motion = fuse(expected, measured)[0]
     if not gated.is_plausible:
-        doubtful = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
-        step_motion = fuse(doubtful, measured)[0]
+        expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
+    motion = fuse(expected, measured)[0]
     localization = Localization(
         keyframe=keyframe, pose_keyframe_scan=gated.pose_keyframe_scan, is_measured=gated.is_fully_observed
     )
@@ -65,11 +64,9 @@ def _track(o: Observation, attempt: Attempt) -> Placement | None:
         outcome=attempt.outcome,
         localization=localization,
         current=sweep.current,
-        motion=o.state.motion.updated(
-            o.prediction, motion, is_plausible=gated.is_plausible, is_fully_observed=gated.is_fully_observed
-        ),
+        motion=o.state.motion.updated(o.prediction, motion, is_fully_observed=gated.is_fully_observed),
         # as the poses have it
-        step_motion=UncertainPose(se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose), step_motion.cov),
+        step_motion=UncertainPose(se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose), motion.cov),
         gap=o.state.gap,
         match=result,
         is_prior_rejected=gated.is_prior_rejected,
@@ -87,11 +84,8 @@ def _track(o: Observation, attempt: Attempt) -> Placement | None:
 def _extrapolate(o: Observation, attempt: Attempt) -> Placement:
     """Return where the expected motion leads; the scan becomes the next reference if it can be one."""
     last, failed = attempt.last, attempt.gated.result
-    # a match that was rejected: something did happen
-    motion = o.prediction.inflated(o.config.motion) if failed.ok else o.expected
     is_held = o.state.motion.is_exhausted(o.prediction)
-    if is_held:
-        motion = UncertainPose(np.zeros(3), motion.cov)
+    motion = UncertainPose(np.zeros(3), o.expected.cov) if is_held else o.expected
     gap = o.state.gap or open_gap(o, last)
     placement = Placement(
         outcome=StepOutcome.HELD if is_held else StepOutcome.PREDICTED,
@@ -110,11 +104,9 @@ def _extrapolate(o: Observation, attempt: Attempt) -> Placement:
         return placement
     if o.state.gap is not None:
         settled = settle_gap(o, placement, is_counted=not o.prediction.is_measured)
-        if settled.outcome is StepOutcome.RELOCALIZED:
-            model = o.state.motion.updated(o.prediction, identity(), is_plausible=False, is_fully_observed=False)
-            return replace(settled, motion=model, step_motion=o.expected)
-        if settled.outcome is StepOutcome.LOST:
-            return settled
+        if settled.outcome is not placement.outcome:  # how it moves by now is not known
+            still = o.state.motion.updated(o.prediction, identity(), is_fully_observed=False)
+            return replace(settled, motion=still)
         placement = settled
     return with_keyframe(o, placement)  # a robot is never stuck on an old reference
 
