@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -76,13 +75,6 @@ class Candidates(NamedTuple):
     n_tried: int  # poses that were verified
 
 
-def propose(problem: Problem) -> Candidates:
-    """Return the best poses: the expected one alone where it is to be trusted, else what a search finds, and it."""
-    ref, cur, prior, config = problem
-    return Candidates(*propose_poses(ref, cur, prior, effort_of(config)))
-
-
-@lru_cache(maxsize=8)
 def effort_of(config: CurvescanConfig) -> Effort:
     """Return how widely poses are looked for."""
     steps, scoring = config.hypotheses, config.scoring
@@ -106,10 +98,13 @@ def effort_of(config: CurvescanConfig) -> Effort:
 
 
 @kernel
-def propose_poses(
+def propose(
     ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, effort: Effort
 ) -> tuple[Floats, Floats, int]:
-    """Return the fields of Candidates; the prior is one more candidate where it is not trusted."""
+    """Return the fields of Candidates: the expected pose alone where it is to be trusted, else what a search finds.
+
+    And the expected pose, where the search has none beside it.
+    """
     if math.log1p(prior.gain) <= TOLD:
         return search(ref, cur, prior, effort)
     near, near_scores = refine_guess(ref.image, cur.image, prior, effort)
