@@ -100,19 +100,19 @@ def score_pose(
     x, y, theta = pose[0], pose[1], pose[2]
     c, s = math.cos(theta), math.sin(theta)
     there, back = Motion(c, s, x, y, FORWARD), Motion(c, -s, -c * x - s * y, s * x - c * y, FORWARD)
-    n_ref, n_cur = ref.samples.shape[0], cur.samples.shape[0]
+    samples_ref, samples_cur = ref.samples, cur.samples
+    n_ref, n_cur = samples_ref.shape[0], samples_cur.shape[0]
     # all at once, by vector instructions, which takes no longer than the first few one by one
     placed_ref, placed_cur = placed
-    project_into(placed_ref, ref.samples, back, cur)
-    project_into(placed_cur, cur.samples, there, ref)
-    low, high, score, rate = n_first - n_first, n_first, 0.0, 0.0  # not the constant 0: see explore
-    while low < max(n_ref, n_cur):
-        score += score_samples(cur.samples, placed_cur, low, high, ref, there, tolerance, slope)
-        score += score_samples(ref.samples, placed_ref, low, high, cur, back, tolerance, slope)
-        rate = score / (min(high, n_ref) + min(high, n_cur))
+    project_into(placed_ref, samples_ref, back, cur)
+    project_into(placed_cur, samples_cur, there, ref)
+    low, high, score, rate, prospect = n_first - n_first, n_first, 0.0, 0.0, 1.0  # not the constant 0: see explore
+    while low < max(n_ref, n_cur) and rate >= least - prospect:
+        score += score_samples(samples_cur, placed_cur, low, high, ref, there, tolerance, slope)
+        score += score_samples(samples_ref, placed_ref, low, high, cur, back, tolerance, slope)
+        n = min(high, n_ref) + min(high, n_cur)
         # few samples err more: what is certain of a score narrows with the root of their number
-        if rate < least - _PROSPECT / math.sqrt(min(high, n_ref) + min(high, n_cur)):
-            break
+        rate, prospect = score / n, _PROSPECT / math.sqrt(n)
         low = high
         high *= 2
     return rate

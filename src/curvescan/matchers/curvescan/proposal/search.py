@@ -21,7 +21,7 @@ from curvescan.matchers.curvescan.proposal.rotation_hypotheses import (
 )
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, MOVED_ALONG, ROUGH, select
 from curvescan.matchers.curvescan.refinement import refine
-from curvescan.types import Floats, Pose
+from curvescan.types import Floats
 
 _MAX_PAIRS = 4000  # pairs of keypoints taken, at most
 # Where no pose finds support, places up to so many metres along each axis are tried at which walls coincide within so
@@ -29,7 +29,7 @@ _MAX_PAIRS = 4000  # pairs of keypoints taken, at most
 _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED = 2.0, SAME, 3
 _N_KEPT = 4  # poses that are refined
 CONTESTED = 0.3  # a pose with this share of the best one's score competes with it, and is judged beside it
-_FEW_TRIED, _CERTAIN_SCORE = 24, 0.55  # with fewer poses than this to try, other ways are tried up to the next score
+_FEW_TRIED, _CERTAIN_SCORE = 24, 0.55  # see Effort
 
 
 class Problem(NamedTuple):
@@ -57,7 +57,9 @@ class Effort(NamedTuple):
     # doubtful_score, guess_score: as in ScoringConfig
     doubtful_score: float
     guess_score: float
-    few_tried: int  # poses below which other ways are tried up to _CERTAIN_SCORE
+    # with fewer poses than this to try, other ways are tried up to that score
+    few_tried: int
+    certain_score: float
     # of rough, moved and closely refined poses: metres, and metres for each metre of range; how many of each are kept,
     # and the samples that are tried first
     tolerances: tuple[float, float, float, float, float, float]
@@ -91,6 +93,7 @@ def effort_of(config: CurvescanConfig) -> Effort:
         scoring.doubtful_score,
         scoring.guess_score,
         _FEW_TRIED,
+        _CERTAIN_SCORE,
         (*ROUGH, *MOVED_ALONG, *CLOSE),
         (_N_KEPT, _N_KEPT + 1, 3),
         (6, 12, 64),
@@ -98,9 +101,7 @@ def effort_of(config: CurvescanConfig) -> Effort:
 
 
 @kernel
-def propose(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, effort: Effort
-) -> tuple[Floats, Floats, int]:
+def propose(ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, effort: Effort) -> tuple[Floats, Floats, int]:
     """Return the fields of Candidates: the expected pose alone where it is to be trusted, else what a search finds.
 
     And the expected pose, where the search has none beside it.
@@ -131,22 +132,19 @@ def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort)
 
 
 @kernel
-def is_trusted(
-    ref: RangeImage, cur: RangeImage, prior: Prior, near: Floats, scores: Floats, effort: Effort
-) -> bool:
+def is_trusted(ref: RangeImage, cur: RangeImage, prior: Prior, near: Floats, scores: Floats, effort: Effort) -> bool:
     """Return whether the refined pose of the prior is taken without a look at others.
 
     It is when enough readings agree there, it lies where the prior has it, and both axes are fixed.
     """
     if scores.size == 0 or scores[0] <= effort.guess_score or not tells(prior, near):
         return False
-    return degenerate_hypotheses(near, ref, cur, effort.along_step, 1, effort.degenerate_ratio).shape[0] == 0
+    moved_along = degenerate_hypotheses(near, ref, cur, effort.along_step, 1, effort.degenerate_ratio)
+    return bool(moved_along.shape[0] == 0)
 
 
 @kernel
-def search(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, effort: Effort
-) -> tuple[Floats, Floats, int]:
+def search(ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, effort: Effort) -> tuple[Floats, Floats, int]:
     """Return the best poses of all that keypoints, directions of surfaces and the prior propose, and their scores.
 
     Where they find little support, and the best is not where the prior has it, the places where walls of both
@@ -172,7 +170,7 @@ def is_doubtful(scores: Floats, n_tried: int, effort: Effort) -> bool:
     """Return whether the best pose finds little support, or middling with few poses or a close competing hypothesis."""
     if scores.size == 0 or scores[0] < effort.doubtful_score:
         return True
-    if n_tried < effort.few_tried and scores[0] < _CERTAIN_SCORE:
+    if n_tried < effort.few_tried and scores[0] < effort.certain_score:
         return True
     return bool(scores.size > 1 and scores[1] > CONTESTED * scores[0] and scores[0] < effort.guess_score)
 
