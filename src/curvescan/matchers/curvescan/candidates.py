@@ -125,32 +125,22 @@ def refine_and_weigh(
     margin: float,
     limits: tuple[float, float, int, int, float, int],
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Return the fields of WeighedPoses; schedules on the samples and on all readings, limits: see :func:`finish`."""
-    final, scores = finish(poses, ref.image, cur.image, schedules, limits)
+    """Return the fields of WeighedPoses, of poses refined on all readings.
+
+    schedules: on the samples and on all readings; limits: the arguments of `select`, and the samples on which several
+    poses are compared. One has only to be enough.
+    """
+    one, other = ref.image, cur.image
+    all_one = RangeImage(one.surfels, one.surfels, one.azimuth, one.table)
+    all_other = RangeImage(other.surfels, other.surfels, other.azimuth, other.table)
+    tolerance, slope, n_kept, n_first, min_difference, n_wide = limits
+    final = refine(refine(poses, one, other, schedules[0]), all_one, all_other, schedules[1])
+    if len(poses) > 1:
+        one = RangeImage(choose_samples(one.surfels, n_wide), one.surfels, one.azimuth, one.table)
+        other = RangeImage(choose_samples(other.surfels, n_wide), other.surfels, other.azimuth, other.table)
+    final, scores = select(final, one, other, tolerance, slope, n_kept, n_first, min_difference)
     evidence, priors, wide_priors = weigh(ref, cur, final, prior, margin)
     return final, scores, evidence, priors, wide_priors
-
-
-@kernel
-def finish(
-    poses: Floats,
-    ref: RangeImage,
-    cur: RangeImage,
-    schedules: tuple[Floats, Floats],
-    limits: tuple[float, float, int, int, float, int],
-) -> tuple[Floats, Floats]:
-    """Return poses refined on all readings, best first, and their scores.
-
-    limits: the arguments of `select`, and the samples on which several poses are compared; one has only to be enough.
-    """
-    all_ref = RangeImage(ref.surfels, ref.surfels, ref.azimuth, ref.table)
-    all_cur = RangeImage(cur.surfels, cur.surfels, cur.azimuth, cur.table)
-    tolerance, slope, n_kept, n_first, min_difference, n_wide = limits
-    final = refine(refine(poses, ref, cur, schedules[0]), all_ref, all_cur, schedules[1])
-    if len(poses) > 1:
-        ref = RangeImage(choose_samples(ref.surfels, n_wide), ref.surfels, ref.azimuth, ref.table)
-        cur = RangeImage(choose_samples(cur.surfels, n_wide), cur.surfels, cur.azimuth, cur.table)
-    return select(final, ref, cur, tolerance, slope, n_kept, n_first, min_difference)
 
 
 def competing_hypotheses(scores: Floats) -> list[int]:
