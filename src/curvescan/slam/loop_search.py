@@ -95,13 +95,12 @@ class LoopSearch:
 
         Other matches of keyframes that no edge ties are forgotten: where the map is known now, they are others.
         """
-        graph, fragments = self._map.graph, np.array(self._map.fragments)
-        numbers = self._map.keyframes.numbers
+        graph, numbers = self._map.graph, self._map.keyframes.numbers
         self._tried = {number: set() for number in numbers.tolist()}
         for one, other in numbers[graph.ends].tolist():
             self._tried[one].add(other)
             self._tried[other].add(one)
-        poses, new = graph.poses, []
+        fragments, poses, new = np.array(self._map.fragments), graph.poses, []
         for k in range(1, graph.n_poses):
             relative = se2.between(poses[:k], poses[k])
             relative[fragments[:k] != fragments[k], 0] = np.inf
@@ -230,8 +229,7 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
 
 def unexpected(closure: Closure) -> Closure:
     """Return a match as it is where it need not wait: no others will come to agree with it."""
-    is_waiting = closure.outcome is ClosureOutcome.WAITING
-    return replace(closure, outcome=ClosureOutcome.UNEXPECTED) if is_waiting else closure
+    return replace(closure, outcome=ClosureOutcome.UNEXPECTED) if closure.outcome is ClosureOutcome.WAITING else closure
 
 
 def choose_candidates(

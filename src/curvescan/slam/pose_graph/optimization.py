@@ -15,7 +15,7 @@ import numpy as np
 from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.se2.uncertain import wrap_angle
-from curvescan.slam.pose_graph.cholesky import Elimination, factorized, inverse_diagonal, solved
+from curvescan.slam.pose_graph.cholesky import Elimination, factorized, inverse_blocks, solved
 from curvescan.types import Cov, Floats, Ints, Pose
 
 _SHORT = 0.1
@@ -74,7 +74,7 @@ def marginal_covariances(poses: Pose, edges: Edges, weights: Floats, anchors: In
     jacobians, is_held = linearized(poses[order], *edges, weights)[0], np.isin(order, anchors)
     weighted = weights[:, np.newaxis, np.newaxis] * edges.information
     blocks = factorized(indptr, rows, edges.ends, jacobians, weighted, is_held)
-    found = inverse_diagonal(indptr, rows, blocks)[rank]
+    found: Cov = inverse_blocks(indptr, rows, blocks)[indptr[rank]]
     found[anchors] = 0.0
     return found
 
