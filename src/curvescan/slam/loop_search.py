@@ -249,7 +249,7 @@ def choose_candidates(
     is_near[max(newest - 1 - N_LINKED, 0) :] = False
     sure = np.flatnonzero(is_near & is_certain)
     profiles = keyframes.profiles.array
-    overlap = foretold_overlap(profiles, sure, relative[sure], profiles[newest])
+    overlap = foretold_overlap(profiles, sure, relative[sure], profiles[newest], rules.min_overlap)
     sure, overlap = sure[overlap >= rules.min_overlap], overlap[overlap >= rules.min_overlap]
     sure = sure[np.argsort(-overlap, kind="stable")][:_N_CERTAIN]
     if seen is None:
