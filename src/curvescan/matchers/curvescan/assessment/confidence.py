@@ -278,7 +278,7 @@ def terms_of(evidence: Floats, priors: Floats, wide_priors: Floats) -> Floats:
 def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
     """Return poses with their evidence, the best first; of those that the scans do not distinguish the likeliest."""
     ref, cur, prior, config = problem
-    evidence = gather_evidence(ref.surfaces, cur.surfaces, poses, config.scoring.margin)
+    evidence = gather_evidence(ref, cur, poses, config.scoring.margin)
     weighed = WeighedPoses(poses, scores, evidence, *prior.log_odds(poses))
     if len(poses) < 2:
         return weighed

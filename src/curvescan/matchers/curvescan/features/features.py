@@ -10,7 +10,7 @@ import numpy as np
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.keypoints import find_corners, with_ends
-from curvescan.matchers.curvescan.features.objects import Objects, Surfaces, find_objects
+from curvescan.matchers.curvescan.features.objects import Objects, find_objects
 from curvescan.matchers.curvescan.features.range_image import (
     SIGMA,
     RangeImage,
@@ -60,11 +60,6 @@ class CurvescanFeatures(NamedTuple):
     def full_image(self) -> RangeImage:
         """The image with all readings as samples."""
         return self.image._replace(samples=self.image.surfels)
-
-    @property
-    def surfaces(self) -> Surfaces:
-        """What is assessed of the scan."""
-        return Surfaces(self.image, self.bounds, self.objects)
 
     @property
     def points(self) -> Floats:
