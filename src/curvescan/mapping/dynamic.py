@@ -67,22 +67,21 @@ def _was_free(current: LaserScan, earlier: LaserScan, pose: Pose) -> Bools:
     """Return (n_beams,) whether the earlier scan looked through the place of each reading."""
     if len(earlier) < 2:
         return np.zeros(len(current), dtype=np.bool_)
-    way, step = float(np.sign(earlier.angle_increment)), abs(earlier.angle_increment)
-    offsets = _NO_OFFSETS if earlier.has_uniform_angles else way * (earlier.angles - earlier.angle_min)
-    beams = way, earlier.angle_min, step, offsets, _reach(earlier)
-    return _is_passed(current.points, current.valid, pose, *beams, MARGIN, _HOLE)
+    first, step = earlier.angle_min, earlier.angle_increment
+    offsets = _NO_OFFSETS if earlier.has_uniform_angles else math.copysign(1.0, step) * (earlier.angles - first)
+    return _is_passed(current.points, current.valid, pose, first, step, offsets, _reach(earlier))
 
 
 @kernel
 def _is_passed(
-    points: Points, valid: Bools, pose: Pose, way: float, first: float, step: float, offsets: Floats, reach: Floats,
-    margin: float, hole: float,
-) -> Bools:  # fmt: skip
-    """Return (n,) whether the beams on both sides of each reading, of a scan at `pose`, passed it by a margin.
+    points: Points, valid: Bools, pose: Pose, first: float, step: float, offsets: Floats, reach: Floats
+) -> Bools:
+    """Return (n,) whether the beams on both sides of each reading, of a scan at `pose`, passed it by the margin.
 
-    offsets: turn of each beam from the first, radians; empty where they are even. What lies in a hole of so many steps
-    between two beams was not seen, though both saw past it.
+    offsets: turn of each beam from the first, radians; empty where they are even. What lies in a hole between two beams
+    was not seen, though both saw past it.
     """
+    way, step = 1.0 if step > 0.0 else -1.0, abs(step)
     passed = np.zeros(valid.size, dtype=np.bool_)
     c, s = math.cos(pose[2]), math.sin(pose[2])
     for i in range(valid.size):
@@ -97,10 +96,10 @@ def _is_passed(
             while high - low > 1:
                 middle = (low + high) // 2
                 low, high = (middle, high) if offsets[middle] <= turn else (low, middle)
-            if low >= 0 and low < reach.size - 1 and offsets[low + 1] - offsets[low] >= hole * step:
+            if low >= 0 and low < reach.size - 1 and offsets[low + 1] - offsets[low] >= _HOLE * step:
                 continue
         if 0 <= low < reach.size - 1:
-            passed[i] = min(reach[low], reach[low + 1]) > math.sqrt(x * x + y * y) + margin
+            passed[i] = min(reach[low], reach[low + 1]) > math.sqrt(x * x + y * y) + MARGIN
     return passed
 
 
