@@ -59,7 +59,7 @@ def hours(n_hours: int, n_scans: int = 250, seed: int = 0) -> Iterator[HourResul
         off = found - se2.between(origin, truth)
         yield HourResult(
             n_keyframes=len(slam.keyframes),
-            n_edges=slam.graph.n_edges,
+            n_edges=len(slam.graph.ends),
             n_gone=slam.n_gone,
             megabytes=resident_megabytes(),
             milliseconds=_milliseconds(seconds),

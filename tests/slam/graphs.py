@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
-from curvescan.slam.pose_graph.optimization import Edges
+from curvescan.slam.pose_graph.optimization import Edges, linearized
 from curvescan.types import Pose
 
 SIGMAS = np.array([0.02, 0.03, 0.01])
@@ -41,3 +41,18 @@ def dead_reckoning(edges: Edges, n: int) -> Pose:
     for k in range(n - 1):
         poses[k + 1] = se2.compose(poses[k], edges.measured[k])
     return poses
+
+
+def dense_information(poses: np.ndarray, edges: Edges, weights: np.ndarray, anchors: np.ndarray) -> np.ndarray:
+    """J^T W J of all edges, (3n, 3n); poses that are anchored stand for themselves."""
+    n, jacobians = len(poses), linearized(poses, *edges, weights)[0]
+    found = np.zeros((3 * n, 3 * n))
+    for k, ends in enumerate(edges.ends):
+        jac = np.zeros((3, 3 * n))
+        for pose, block in zip(ends, jacobians[k], strict=True):
+            jac[:, 3 * pose : 3 * pose + 3] = block
+        found += weights[k] * jac.T @ edges.information[k] @ jac
+    held = (3 * anchors[:, np.newaxis] + np.arange(3)).ravel()
+    found[held], found[:, held] = 0.0, 0.0
+    found[held, held] = 1.0
+    return found

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from curvescan import se2
+from curvescan.slam.pose_graph.cholesky import Elimination
 from curvescan.slam.pose_graph.optimization import optimize, squared_distances
 from curvescan.slam.pose_graph.posterior import (
     design_effect,
@@ -51,7 +52,7 @@ def test_residuals_tell_by_what_the_covariances_are_wrong(scale: float) -> None:
     edges = measured_edges(loop(N), ENDS, seed=3)
     # the noise is that of SIGMAS, the covariances are not
     edges = edges._replace(information=edges.information * scale)
-    optimum = optimize(loop(N), edges, np.ones(len(ENDS)), np.array([0]))
+    optimum = optimize(loop(N), edges, np.ones(len(ENDS)), np.array([0]), Elimination.of(edges.ends, N))
     found = variance_factor(squared_distances(optimum, edges), N - 1)
     # 3 (285 - 59) = 678 degrees of freedom: 5 % standard deviation; 30 of them count as no change
     assert found == pytest.approx((678.0 * scale + 30.0) / 708.0, rel=0.15)

@@ -12,9 +12,9 @@ import curvescan as cs
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import PlacesConfig, SlamConfig
+from curvescan.slam.pose_graph.cholesky import Elimination
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
-from curvescan.slam.pose_graph.marginals import marginal_covariances
-from curvescan.slam.pose_graph.optimization import Edges, information_matrix, optimize
+from curvescan.slam.pose_graph.optimization import Edges, marginal_covariances, optimize
 from curvescan.slam.thinning import best_tie, carry_over, newer_beside
 from tests.slam.graphs import dead_reckoning, ladder, loop, measured_edges
 
@@ -32,7 +32,7 @@ def test_memory_follows_the_area_and_not_the_time() -> None:
         for scan in there:
             slam.add(scan)
         counts.append(len(slam.keyframes))
-        edges.append(slam.graph.n_edges)
+        edges.append(len(slam.graph.ends))
     trajectory = slam.finish()
     assert slam.n_gone > 0
     # what comes after the second lap adds next to nothing: the newest thirty stay in any case
@@ -85,9 +85,10 @@ def _graph(seed: int) -> tuple[PoseGraph, np.ndarray]:
 
 def _optimize(graph: PoseGraph) -> np.ndarray:
     edges = Edges.of(graph.ends, graph.measured, graph.edge_covariances)
-    graph.poses[:] = optimize(graph.poses, edges, graph.weights, np.array([0]))
-    information = information_matrix(graph.poses, edges, graph.weights, np.array([0]))
-    return marginal_covariances(information, np.array([0]))
+    graph.poses[:] = optimize(
+        graph.poses, edges, graph.weights, np.array([0]), Elimination.of(edges.ends, len(graph.poses))
+    )
+    return marginal_covariances(graph.poses, edges, graph.weights, np.array([0]))
 
 
 def test_the_heir_is_one_of_the_place_that_a_closure_ties_best() -> None:

@@ -20,13 +20,14 @@ from curvescan._jit import kernel
 from curvescan.matchers.cfsma.config import SegmentationConfig
 from curvescan.matchers.cfsma.segmentation import segment
 from curvescan.scan import LaserScan, valid_readings
-from curvescan.types import Bools, Floats, Ints, Points, Pose
+from curvescan.types import Bools, Floats, Points, Pose
 
 MARGIN = 0.1
 """A reading must lie this much nearer than what the earlier scan saw, metres: noise, a small error of the pose."""
 
 SHARE = 0.3  # share of a segment's readings that must be new for all of it to count as moving
 LAGS = (1, 3, 6)  # how many scans back the earlier scans lie; at 5 to 10 Hz about the last second
+_NO_OFFSETS = np.empty(0)
 _HOLE = 3.5  # steps between two unevenly spaced beams from which on the sensor looked away between them
 
 _SEGMENTS = SegmentationConfig(range_sigma=0.01, min_readings=3)
@@ -66,46 +67,40 @@ def _was_free(current: LaserScan, earlier: LaserScan, pose: Pose) -> Bools:
     """Return (n_beams,) whether the earlier scan looked through the place of each reading."""
     if len(earlier) < 2:
         return np.zeros(len(current), dtype=np.bool_)
-    reach = _reach(earlier)
-    if earlier.has_uniform_angles:
-        layout = earlier.angle_min, earlier.angle_increment
-        return _is_passed(current.points, current.valid, pose, reach, *layout, MARGIN)
-    x, y = se2.transform(pose, current.points).T
-    left, is_seen = _beam_before(earlier, np.arctan2(y, x))
-    is_nearer = np.minimum(reach[left], reach[left + 1]) > np.hypot(x, y) + MARGIN
-    return np.asarray(is_seen & current.valid & is_nearer)
+    first, step = earlier.angle_min, earlier.angle_increment
+    offsets = _NO_OFFSETS if earlier.has_uniform_angles else math.copysign(1.0, step) * (earlier.angles - first)
+    return _is_passed(current.points, current.valid, pose, first, step, offsets, _reach(earlier))
 
 
 @kernel
 def _is_passed(
-    points: Points, valid: Bools, pose: Pose, reach: Floats, angle_min: float, step: float, margin: float
+    points: Points, valid: Bools, pose: Pose, first: float, step: float, offsets: Floats, reach: Floats
 ) -> Bools:
-    """Return (n,) whether the beams on both sides of each reading, of a scan at `pose`, passed it by a margin."""
+    """Return (n,) whether the beams on both sides of each reading, of a scan at `pose`, passed it by the margin.
+
+    offsets: turn of each beam from the first, radians; empty where they are even. What lies in a hole between two beams
+    was not seen, though both saw past it.
+    """
+    way, step = 1.0 if step > 0.0 else -1.0, abs(step)
     passed = np.zeros(valid.size, dtype=np.bool_)
-    way = 1.0 if step > 0.0 else -1.0
     c, s = math.cos(pose[2]), math.sin(pose[2])
     for i in range(valid.size):
         if not valid[i]:
             continue
         x = c * points[i, 0] - s * points[i, 1] + pose[0]
         y = s * points[i, 0] + c * points[i, 1] + pose[1]
-        beam = (way * (math.atan2(y, x) - angle_min)) % (2.0 * math.pi) / (way * step)
-        if beam < reach.size - 1:
-            left = int(beam)
-            passed[i] = min(reach[left], reach[left + 1]) > math.sqrt(x * x + y * y) + margin
+        turn = (way * (math.atan2(y, x) - first)) % (2.0 * math.pi)
+        low, high = min(int(turn / step), reach.size), reach.size
+        if offsets.size:
+            low = -1
+            while high - low > 1:
+                middle = (low + high) // 2
+                low, high = (middle, high) if offsets[middle] <= turn else (low, middle)
+            if low >= 0 and low < reach.size - 1 and offsets[low + 1] - offsets[low] >= _HOLE * step:
+                continue
+        if 0 <= low < reach.size - 1:
+            passed[i] = min(reach[low], reach[low + 1]) > math.sqrt(x * x + y * y) + MARGIN
     return passed
-
-
-def _beam_before(scan: LaserScan, bearings: Floats) -> tuple[Ints, Bools]:
-    """Return the beam that a scan swept just before each bearing, and whether the next beam came just after it."""
-    way, step = np.sign(scan.angle_increment), abs(scan.angle_increment)
-    turn = np.remainder(way * (bearings - scan.angle_min), 2.0 * np.pi)
-    offsets = way * (scan.angles - scan.angle_min)
-    beam = np.searchsorted(offsets, turn, side="right") - 1
-    # what lies in a hole between two beams was not seen, though both saw past it
-    widths = np.append(np.diff(offsets), np.inf)
-    is_seen = (beam >= 0) & (widths[beam] < _HOLE * step)
-    return np.where(is_seen, beam, 0), is_seen
 
 
 @lru_cache(maxsize=2 * max(LAGS))  # a scan is the earlier one of three

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from itertools import islice
 from queue import Full, Queue
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 from curvescan._processes import has_own_python, n_usable_cores, python_command
 from curvescan.odometry.odometry import Odometry
@@ -21,12 +21,11 @@ from curvescan.odometry.run import PlacedScan, in_turn, placed, pose_at, without
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
-_P = ParamSpec("_P")
-_R = TypeVar("_R")
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1"}
 _BATCH = 32  # scans sent at once
 _AHEAD = 32  # batches that the odometry may be ahead, so that memory does not grow with the log
 _LOOK_S = 0.2  # time after which a thread that waits looks whether it is still wanted, seconds
+_PROTOCOL = 4  # by the fifth small arrays take three times as much memory, and twice as long to read
 _MIN_SCANS = 1000  # of a shorter log the process is not worth its start
 
 
@@ -96,20 +95,20 @@ class OdometryProcess:
         self.odometry = pickle.loads(self._begun)
         yield from islice(in_turn(self.odometry, self._scans, self._odometry_poses), n_done, None)
 
-    def call_after(self, function: Callable[_P, _R], *args: _P.args, **kwargs: _P.kwargs) -> Callable[[], _R]:
+    def call_after(self, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Callable[[], Any]:
         """Have the process call a function when the odometry is done; what this returns gives the result.
 
         Ask for results in the order of the calls. Where the process cannot call the function, this process does.
         """
-        self._calls.put((function, args, kwargs))
+        call = None  # ends the process
+        with suppress(Exception):  # what cannot be sent; here, where nothing changes the arguments meanwhile
+            call = pickle.dumps((function, args, kwargs), _PROTOCOL)
+        self._calls.put(call)
 
-        def result() -> _R:
+        def result() -> Any:
             reply = self._heard.get() if self._is_placed else None
             self._is_placed = reply is not None
-            if reply is None:
-                return function(*args, **kwargs)
-            found: _R = reply[0]
-            return found
+            return function(*args, **kwargs) if reply is None else reply[0]
 
         return result
 
@@ -124,13 +123,13 @@ class OdometryProcess:
                 while batch := list(islice(left, _BATCH)):
                     if not self._put(self._sent, [scan for scan, _ in batch]):
                         return
-                    pickle.dump(batch, requests, pickle.HIGHEST_PROTOCOL)
+                    pickle.dump(batch, requests, _PROTOCOL)
                     requests.flush()
                 pickle.dump(None, requests)
                 requests.flush()
                 self._put(self._sent, None)
                 while (call := self._calls.get()) is not None:
-                    requests.write(pickle.dumps(call, pickle.HIGHEST_PROTOCOL))
+                    requests.write(call)
                     requests.flush()
         except OSError as error:  # of the pipe, as the other one tells; or of the log
             self._put(self._sent, None if isinstance(error, BrokenPipeError) else error)
@@ -166,11 +165,11 @@ def serve() -> None:
         while (batch := pickle.load(requests)) is not None:
             done = [placed(odometry, scan, pose) for scan, pose in batch]
             found = [(without_trace(one.step), one.seconds) for one in done]
-            pickle.dump(found, replies, pickle.HIGHEST_PROTOCOL)
+            pickle.dump(found, replies, _PROTOCOL)
             replies.flush()
-        pickle.dump(odometry, replies, pickle.HIGHEST_PROTOCOL)
+        pickle.dump(odometry, replies, _PROTOCOL)
         replies.flush()
         while True:
             function, args, kwargs = pickle.load(requests)
-            pickle.dump((function(*args, **kwargs),), replies, pickle.HIGHEST_PROTOCOL)
+            pickle.dump((function(*args, **kwargs),), replies, _PROTOCOL)
             replies.flush()

@@ -9,6 +9,7 @@ import math
 import platform
 from collections import Counter
 from collections.abc import Mapping
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +18,6 @@ import numpy as np
 
 from curvescan._version import __version__
 from curvescan.configs import as_plain
-from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import storage_files
 from curvescan.io.trajectories.layouts import write_csv, write_tum
 from curvescan.io.trajectories.relations import write_g2o
@@ -45,7 +45,7 @@ RUN_RECORD = "run.json"
 def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -> RunMaps:
     """Write all results of a run into an existing folder, run.json last, and return its maps.
 
-    helper: a process that draws meanwhile all but the occupancy map.
+    helper: a process that draws meanwhile the map and its graph.
     """
     record, engine = run.record, run.engine
     write_tum(folder / "trajectory.tum", record.trajectory)
@@ -55,17 +55,18 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     title += f" (partial: interrupted, {len(run.log):,} scans in all)" * record.is_partial
     graph = engine.map if isinstance(engine, Slam) else None
     maps = run.maps or maps_of_run(run, cell=0.05)
-    drawing = folder, dataclasses.replace(record, steps=()), run.scans, dataclasses.replace(maps, grid=None), title
-    drawn = None if helper is None else helper.call_after(_draw, *drawing, run.truth, graph)
+    lean = dataclasses.replace(record, steps=()), dataclasses.replace(maps, grid=None)
+    drawn = (partial if helper is None else helper.call_after)(_draw, folder, *lean, title, run.truth, graph)
     if maps.grid is not None:
         write_map(folder, maps.grid)
         known = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
         draw_occupancy(folder / "occupancy.png", maps.grid, known, title=f"{title}: occupancy")
-    if drawn is None:
-        _draw(*drawing, run.truth, graph)
-    if isinstance(engine, Slam):
+    if run.scans.odometry is not None and np.isfinite(run.scans.odometry.poses[:n, 0]).any():
+        wheels = f"{run.scans.name}: by wheel odometry alone"
+        draw_wheels(folder / "wheels.png", run.scans, run.scans.odometry.poses[:n], title=wheels)
+    if isinstance(engine, Slam) and graph is not None:
         write_tum(folder / "trajectory_online.tum", record.online)
-        slam_map = with_grid(engine.map, maps, run.occupancy)
+        slam_map = with_grid(graph, maps, run.occupancy)
         slam_map.save(folder / "map.csmap")
         keyframes = Trajectory(stamps=np.array([scan.stamp for scan in slam_map.scans]), poses=slam_map.poses)
         write_g2o(folder / "graph.g2o", keyframes, slam_map.edges)
@@ -80,8 +81,7 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
         )
     elif isinstance(engine, Odometry):
         write_view_file(folder, run.scans, n)
-    if drawn is not None:
-        drawn()
+    drawn()
     write_record(folder, describe_run(run, maps))
     return maps
 
@@ -103,13 +103,10 @@ def with_grid(slam_map: SlamMap, maps: RunMaps, occupancy: OccupancyConfig) -> S
 
 
 def _draw(
-    folder: Path, record: RunRecord, log: Log, maps: RunMaps, title: str, truth: Pose | None, graph: SlamMap | None
+    folder: Path, record: RunRecord, maps: RunMaps, title: str, truth: Pose | None, graph: SlamMap | None
 ) -> None:
-    """Draw all but the occupancy map."""
+    """Draw the map and its graph."""
     draw_map(folder / "map.png", record, maps, title=title, truth=truth)
-    n = len(record.outcomes)
-    if log.odometry is not None and np.isfinite(log.odometry.poses[:n, 0]).any():
-        draw_wheels(folder / "wheels.png", log, log.odometry.poses[:n], title=f"{log.name}: by wheel odometry alone")
     if graph is not None:
         draw_graph(folder / "graph.png", graph, maps.standing, title=f"{title}: pose graph")
 

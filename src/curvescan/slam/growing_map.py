@@ -14,7 +14,7 @@ from curvescan import se2
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.jobs import Problem, Solution, covariances_seen_from
+from curvescan.slam.jobs import Problem, covariances_seen_from
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.belief import Belief
 from curvescan.slam.loops.closures import Closure, difference, measured
@@ -44,14 +44,9 @@ class GrowingMap:
         self.since = identity()  # it, seen from the newest one of the belief
         self.fragments: list[int] = []  # of each keyframe
         self._open_way = 0.0  # since a match of keyframes measured all of the motion, metres
-        self._belief: Belief | None = None
+        self.belief: Belief  # what the graph knew after the last optimization, once there is a keyframe
+        self._settled: Chain | None = None  # the keyframes of the belief, once they were asked for
         self._motions: list[UncertainPose] = []  # each keyframe seen from the one before
-
-    @property
-    def belief(self) -> Belief:
-        """What the graph knew after the last optimization."""
-        assert self._belief is not None, "there is no keyframe yet"
-        return self._belief
 
     def load(self, slam_map: SlamMap) -> None:
         """Take a map to continue."""
@@ -72,7 +67,7 @@ class GrowingMap:
         k = self.keyframes.add(scan, index, session)
         self.graph.add_pose(pose)
         self.fragments.append(max(self.fragments, default=-1) + 1)
-        self._belief = Belief.at_start(k, self.graph.poses)
+        self.belief, self._settled = Belief.at_start(k, self.graph.poses), None
         self.current, self.since = k, identity()
         self._motions.append(UncertainPose(np.zeros(3), _NOTHING_KNOWN))
         return k
@@ -116,10 +111,13 @@ class GrowingMap:
 
     def chain(self) -> Chain:
         """Return the keyframes; those since the last optimization lie along the odometry, as if no loop had closed."""
-        poses = self.graph.poses.copy()
-        for k in range(self.belief.n, len(poses)):
-            poses[k] = se2.compose(poses[k - 1], self._motions[k].pose)
-        return Chain.of(poses, np.array([motion.cov for motion in self._motions]))
+        n = self.belief.n
+        if self._settled is None:
+            self._settled = Chain.of(self.graph.poses[:n], np.array([motion.cov for motion in self._motions[:n]]))
+        poses = [self._settled.poses[-1]]
+        for motion in self._motions[n:]:
+            poses.append(se2.compose(poses[-1], motion.pose))
+        return self._settled.extended(np.array(poses), np.array([motion.cov for motion in self._motions[n - 1 :]]))
 
     def close(self, closure: Closure) -> None:
         """Make a closure an edge, and take the newest keyframe to where it says."""
@@ -146,11 +144,11 @@ class GrowingMap:
             wanted, moved = se2.compose(poses[closure.j], se2.inverse(closure.pose)), closure.i
         shift = se2.compose(wanted, se2.inverse(poses[moved]))
         rows = np.flatnonzero(fragments == later)
-        poses[rows] = se2.compose(shift, poses[rows])
+        poses[rows], self._settled = se2.compose(shift, poses[rows]), None
         fragments[rows] = earlier
         self.fragments = fragments.tolist()
 
-    def adopt(self, solution: Solution) -> None:
+    def adopt(self, solution: Problem, covariances: Cov) -> None:
         """Take the poses of an optimization; keyframes that came since move along with the one they hang on."""
         n, k = len(solution.poses), solution.current
         later = se2.between(self.graph.poses[k], self.graph.poses[n:])
@@ -158,7 +156,7 @@ class GrowingMap:
         self.graph.poses[:n] = solution.poses
         self.graph.poses[n:] = se2.compose(solution.poses[k], later)
         self.graph.weights[: len(solution.weights)] = solution.weights
-        self._belief = Belief.of(k, solution.poses, solution.covariances)
+        self.belief, self._settled = Belief.of(k, solution.poses, covariances), None
 
     def thin(self) -> tuple[Bools, list[int]]:
         """Let the oldest keyframes of places that hold too many go; return which rows stay, and the others' numbers."""
@@ -175,7 +173,7 @@ class GrowingMap:
             rows = np.flatnonzero(is_kept).tolist()
             self.fragments = [self.fragments[k] for k in rows]
             self._motions = [self._motions[k] for k in rows]
-            self._belief = belief.kept(is_kept[: belief.n])
+            self.belief, self._settled = belief.kept(is_kept[: belief.n]), None
             self.current = int(np.count_nonzero(is_kept[: self.current]))
         return is_kept, [numbers[v] for v in gone]
 
@@ -197,16 +195,12 @@ class GrowingMap:
 
     def snapshot(self) -> SlamMap:
         """Return the map as it is now."""
-        graph, everyone = self.graph, [self.keyframes[k] for k in range(len(self.keyframes))]
+        names = "poses", "ends", "measured", "edge_covariances", "kinds", "weights"
+        everyone = [self.keyframes[k] for k in range(len(self.keyframes))]
         return SlamMap(
             scans=tuple(keyframe.scan for keyframe in everyone),
-            poses=graph.poses.copy(),
             covariances=self.covariances(),
             indices=np.array([keyframe.index for keyframe in everyone], dtype=np.int64),
             sessions=np.array([keyframe.session for keyframe in everyone], dtype=np.int64),
-            ends=graph.ends.copy(),
-            measured=graph.measured.copy(),
-            edge_covariances=graph.edge_covariances.copy(),
-            kinds=graph.kinds.copy(),
-            weights=graph.weights.copy(),
+            **{name: getattr(self.graph, name).copy() for name in names},
         )

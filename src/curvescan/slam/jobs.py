@@ -13,8 +13,7 @@ from curvescan.slam.config import GATE, KEPT, NoiseConfig
 from curvescan.slam.loops.belief import UNKNOWN
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, anchors_of, components, is_whole
-from curvescan.slam.pose_graph.marginals import marginal_covariances
-from curvescan.slam.pose_graph.optimization import Edges, information_matrix, squared_distances
+from curvescan.slam.pose_graph.optimization import Edges, marginal_covariances, squared_distances
 from curvescan.slam.pose_graph.posterior import (
     design_effect,
     heading_drift,
@@ -51,16 +50,9 @@ class Problem:
     @classmethod
     def of(cls, graph: PoseGraph | SlamMap, current: int = 0) -> Problem:
         """Return a copy of a graph, or of that of a map."""
-        return cls(
-            poses=graph.poses.copy(),
-            ends=graph.ends.copy(),
-            measured=graph.measured.copy(),
-            covariances=graph.edge_covariances.copy(),
-            kinds=graph.kinds.copy(),
-            weights=graph.weights.copy(),
-            least=np.where(graph.kinds == EdgeKind.CLOSURE, 0.0, _LEAST_STEP),
-            current=current,
-        )
+        copies = {name: getattr(graph, name).copy() for name in ("poses", "ends", "measured", "kinds", "weights")}
+        least = np.where(graph.kinds == EdgeKind.CLOSURE, 0.0, _LEAST_STEP)
+        return cls(**copies, covariances=graph.edge_covariances.copy(), least=least, current=current)
 
     def optimized(self, *, weights: Floats | None, least_convexity: float = _FROM_AFAR) -> RobustOptimum:
         """Return the robust optimum, begun with some weights; None for all edges in full."""
@@ -71,22 +63,11 @@ class Problem:
         )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Solution:
-    """What an optimization found."""
-
-    poses: Pose  # (n, 3): revised
-    weights: Floats  # (m,): revised
-    covariances: Cov  # (n, 3, 3): of each pose with the current keyframe known exactly
-    current: int
-
-
-def solve(problem: Problem, noise: NoiseConfig, is_last: bool) -> Solution:
-    """Return the robust optimum of a pose graph and its covariances."""
+def solve(problem: Problem, noise: NoiseConfig, is_last: bool) -> tuple[Problem, Cov]:
+    """Return the robust optimum of a pose graph, and (n, 3, 3) covariances with its current keyframe known exactly."""
     optimum = problem.optimized(weights=problem.weights, least_convexity=_FROM_AFAR if is_last else _NEARBY)
-    poses, weights = optimum.poses, optimum.weights
-    covariances = covariances_seen_from(replace(problem, poses=poses, weights=weights), noise)
-    return Solution(poses=poses, weights=weights, covariances=covariances, current=problem.current)
+    solved = replace(problem, poses=optimum.poses, weights=optimum.weights)
+    return solved, covariances_seen_from(solved, noise)
 
 
 def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
@@ -109,8 +90,7 @@ def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
     anchors[labels[k]] = k
     used = np.flatnonzero(weights > 0.0)
     edges = Edges.of(ends, solved.measured, scaled).chosen(used)
-    information = information_matrix(poses, edges, weights[used], anchors)
-    found = marginal_covariances(information, anchors)
+    found = marginal_covariances(poses, edges, weights[used], anchors)
     found[labels != labels[k]] = UNKNOWN
     # what each of both scans adds to all of its edges; of what a match leaves open it says nothing
     common = (1.0 - KEPT) / (2.0 * KEPT) * covariances

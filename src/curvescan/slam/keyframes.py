@@ -6,6 +6,7 @@ import itertools
 import math
 from collections import OrderedDict
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.loops.overlap import N_SECTORS, range_profile
 from curvescan.slam.loops.place_index import PlaceIndex, Signature, signature
 from curvescan.slam.pose_graph.rows import Rows
-from curvescan.types import Bools, Floats, Ints, Points, Pose
+from curvescan.types import Bools, Ints, Points, Pose
 
 _APART_M = 0.05
 """Readings farther apart than this across an open direction are of different walls, metres."""
@@ -46,12 +47,15 @@ class Keyframes:
         self._method, self._matcher_config, self._n_prepared = method, matcher_config, n_prepared
         self._all: list[Keyframe] = []
         self._numbers = itertools.count()
-        self._profiles = Rows((2, N_SECTORS))
+        self.profiles = Rows((2, N_SECTORS))
         self.index = PlaceIndex()
         self._prepared: OrderedDict[int, PreparedScan] = OrderedDict()
 
     def __len__(self) -> int:
         return len(self._all)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_prepared": OrderedDict()}  # what can be made anew
 
     def __getitem__(self, k: int) -> Keyframe:
         return self._all[k]
@@ -61,7 +65,7 @@ class Keyframes:
         keyframe = Keyframe(scan=compact(scan), index=index, session=session, number=next(self._numbers))
         k = len(self._all)
         self._all.append(keyframe)
-        self._profiles.append(range_profile(keyframe.scan))
+        self.profiles.append(range_profile(keyframe.scan))
         self.index.append(self.signature(self.prepared(k)))
         return k
 
@@ -74,18 +78,13 @@ class Keyframes:
         """Remove the keyframes that are not kept; the others keep their order and their numbers."""
         for k in np.flatnonzero(~is_kept)[::-1].tolist():
             self._prepared.pop(self._all.pop(k).number, None)
-        self._profiles.keep(is_kept)
+        self.profiles.keep(is_kept)
         self.index.keep(is_kept)
 
     def signature(self, scan: PreparedScan) -> Signature:
         """Return the signature of a scan for the place index, from the default matcher's keypoints."""
         is_default = isinstance(scan.matcher, type(find_matcher(DEFAULT_METHOD)))
         return signature((scan if is_default else prepare(scan.scan)).features.keypoints)
-
-    @property
-    def profiles(self) -> Floats:
-        """(n, 2, N_SECTORS) float64, a view: range profile of each keyframe."""
-        return self._profiles.array
 
     def prepared(self, k: int) -> PreparedScan:
         """Return a keyframe ready to be matched."""

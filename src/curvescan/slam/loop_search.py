@@ -7,8 +7,10 @@ the graph surely expects it is accepted, what the graph does not know waits for 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from itertools import chain, zip_longest
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from curvescan.slam.loops.audit import N_NEAR, Contradiction, contradictions, gr
 from curvescan.slam.loops.closures import SIGMAS, Closure, ClosureOutcome, closure_of, is_certain, is_loop, is_near
 from curvescan.slam.loops.overlap import foretold_overlap
 from curvescan.slam.loops.place_index import Signature
+from curvescan.slam.pose_graph.graph import is_whole
 from curvescan.types import Bools, Cov, Pose
 
 N_LINKED = 3
@@ -53,6 +56,10 @@ class Candidate(NamedTuple):
     covariance: Cov
 
 
+Beside: TypeAlias = Callable[..., Callable[[], Any]]
+"""Calls a function in another process, where there is one; what it returns gives the result."""
+
+
 class LoopSearch:
     """The search for loop closures in a map that grows."""
 
@@ -76,40 +83,38 @@ class LoopSearch:
         for i in choose_candidates(relative, covariances, self.config, keyframes, seen):
             self._queue.append(Candidate(i, k, covariances[i]))
 
-    def work(self, index: int) -> list[Closure]:
-        """Match the share of the queue that is due with scan `index`, and return the closures accepted."""
+    def work(self, index: int, n_most: int) -> list[Closure]:
+        """Match so much of the queue with scan `index`, and return the closures accepted."""
         accepted: list[Closure] = []
-        for _ in range(min(self.config.closures.matches_per_scan, len(self._queue))):
+        for _ in range(min(n_most, len(self._queue))):
             accepted += self._try(self._queue.popleft(), index)
         return accepted
 
-    def finish(self, index: int) -> None:
-        """Match all that is queued: no further view will come."""
-        while self._queue:
-            self._try(self._queue.popleft(), index)
-
-    def densify(self, index: int) -> None:
-        """Match each keyframe with the nearest others that it is not tied to.
+    def densify(self, index: int, beside: Beside) -> None:
+        """Match each keyframe with the nearest others that it is not tied to, half of the matches beside.
 
         Other matches of keyframes that no edge ties are forgotten: where the map is known now, they are others.
         """
-        graph, fragments = self._map.graph, np.array(self._map.fragments)
-        numbers = self._map.keyframes.numbers
+        graph, numbers = self._map.graph, self._map.keyframes.numbers
         self._tried = {number: set() for number in numbers.tolist()}
         for one, other in numbers[graph.ends].tolist():
             self._tried[one].add(other)
             self._tried[other].add(one)
-        poses = graph.poses
+        fragments, poses, new = np.array(self._map.fragments), graph.poses, []
         for k in range(1, graph.n_poses):
             relative = se2.between(poses[:k], poses[k])
             relative[fragments[:k] != fragments[k], 0] = np.inf
             cov = np.broadcast_to(self.config.noise.spread, (k, 3, 3))
-            for i in choose_candidates(relative, cov, self.config, self._map.keyframes):
-                self._try(Candidate(i, k, cov[i]), index, is_known=True)
+            chosen = choose_candidates(relative, cov, self.config, self._map.keyframes)
+            new += [c for c in (Candidate(i, k, cov[i]) for i in chosen) if self._is_new(c)]
+        given = self._map.keyframes, poses, self.config, index  # an optimization was last: none moves another one
+        others, found = beside(matched, *given, new[1::2]), matched(*given, new[::2])
+        for closure in filter(None, chain.from_iterable(zip_longest(found, others()))):
+            self._accept(closure) if closure.is_accepted else self._log(unexpected(closure))
 
     def audit(self) -> list[tuple[list[Closure], float]]:
         """Return groups of matches against the map, by row, and the odds of each less those of what it contradicts."""
-        growing, chain, followed = self._map, self._map.chain(), self._edges(is_followed=True)
+        growing, ways, followed = self._map, self._map.chain(), self._edges(is_followed=True)
         row_of = {number: row for row, number in enumerate(growing.keyframes.numbers.tolist())}
         latest = {(row_of.get(c.i, -1), row_of.get(c.j, -1)): c for c in self.closures}  # of each pair
         pairs = np.array(list(latest)).reshape(-1, 2)
@@ -126,7 +131,7 @@ class LoopSearch:
         for group in groups_against(refused, growing.graph.poses, self.config):
             beside = np.abs(ends[:, np.newaxis] - [(one.i, one.j) for one in group]).max(axis=2).min(axis=1) <= N_NEAR
             near = [known[k] for k in np.flatnonzero(beside).tolist()]
-            found.append((group, log_odds_of(group, near, chain, self.config)))
+            found.append((group, log_odds_of(group, near, ways, self.config)))
         return found
 
     def _edges(self, *, is_followed: bool) -> set[tuple[int, int]]:
@@ -148,29 +153,27 @@ class LoopSearch:
         likely = [group for group, log_odds in audited if log_odds > 0.0]
         return contradictions(likely, self._map.graph.poses, self._map.keyframes.numbers)
 
-    def _try(self, candidate: Candidate, index: int, *, is_known: bool = False) -> list[Closure]:
-        """Match a candidate unless it was, and return the closures accepted; is_known: no others will come to agree."""
-        i, j, covariance = candidate
-        one, other = (self._map.keyframes[k].number for k in (i, j))
-        if other in self._tried.setdefault(one, set()):
+    def _try(self, candidate: Candidate, index: int) -> list[Closure]:
+        """Match a candidate unless it was, and return the closures accepted."""
+        if not self._is_new(candidate):
             return []
+        [closure] = matched(self._map.keyframes, self._map.graph.poses, self.config, index, [candidate])
+        if closure.outcome is ClosureOutcome.WAITING:
+            return self._wait(closure)
+        if not closure.is_accepted:
+            self._log(closure)
+            return []
+        if is_loop(closure.i, closure.j) and is_whole(closure.covariance):
+            self._remember(closure)
+        return [self._accept(closure)]
+
+    def _is_new(self, candidate: Candidate) -> bool:
+        """Return whether a candidate was not matched before, and keep that it is."""
+        one, other = (self._map.keyframes[k].number for k in candidate[:2])
+        is_new = other not in self._tried.setdefault(one, set())
         self._tried[one].add(other)
         self._tried.setdefault(other, set()).add(one)
-        poses = self._map.graph.poses
-        expected = UncertainPose(se2.between(poses[i], poses[j]), covariance + self.config.noise.spread)
-        prior = expected if is_certain(expected, self.config) else None
-        result = self._map.keyframes.match(i, j, prior)
-        closure = closure_of(result, expected, self.config, scan=index, i=i, j=j)
-        if closure.is_accepted:
-            if is_loop(i, j) and result.degenerate_direction is None:
-                self._remember(closure)
-            return [self._accept(closure)]
-        if closure.outcome is ClosureOutcome.WAITING:
-            if not is_known and is_near(expected, self.config):
-                return self._wait(closure)
-            closure = replace(closure, outcome=ClosureOutcome.UNEXPECTED)
-        self._log(closure)
-        return []
+        return is_new
 
     def _remember(self, closure: Closure) -> None:
         self._pool.append(closure)
@@ -213,6 +216,22 @@ class LoopSearch:
         self._pool = [replace(c, i=at[c.i], j=at[c.j]) for c in self._pool if at[c.i] >= 0 and at[c.j] >= 0]
 
 
+def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, new: list[Candidate]) -> list[Closure]:
+    """Return the matches of candidates, by row, and whether each is likely enough alone; poses (n, 3)."""
+    found = []
+    for i, j, covariance in new:
+        expected = UncertainPose(se2.between(poses[i], poses[j]), covariance + config.noise.spread)
+        result = keyframes.match(i, j, expected if is_certain(expected, config) else None)
+        closure = closure_of(result, expected, config, scan=index, i=i, j=j)
+        found.append(closure if is_near(expected, config) else unexpected(closure))
+    return found
+
+
+def unexpected(closure: Closure) -> Closure:
+    """Return a match as it is where it need not wait: no others will come to agree with it."""
+    return replace(closure, outcome=ClosureOutcome.UNEXPECTED) if closure.outcome is ClosureOutcome.WAITING else closure
+
+
 def choose_candidates(
     relative: Pose, covariances: Cov, config: SlamConfig, keyframes: Keyframes, seen: Signature | None = None
 ) -> list[int]:
@@ -229,7 +248,8 @@ def choose_candidates(
     newest = len(relative)
     is_near[max(newest - 1 - N_LINKED, 0) :] = False
     sure = np.flatnonzero(is_near & is_certain)
-    overlap = foretold_overlap(keyframes.profiles, sure, relative[sure], keyframes.profiles[newest])
+    profiles = keyframes.profiles.array
+    overlap = foretold_overlap(profiles, sure, relative[sure], profiles[newest], rules.min_overlap)
     sure, overlap = sure[overlap >= rules.min_overlap], overlap[overlap >= rules.min_overlap]
     sure = sure[np.argsort(-overlap, kind="stable")][:_N_CERTAIN]
     if seen is None:

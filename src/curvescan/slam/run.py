@@ -5,15 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from typing import Protocol, TypeAlias
+from functools import partial
+from typing import TYPE_CHECKING, TypeAlias
 
 from curvescan.odometry import Odometry
 from curvescan.odometry.run import PlacedScan, RunRecord, in_turn, record_steps
 from curvescan.odometry.step import Step
 from curvescan.scan import LaserScan
 from curvescan.slam.localizer import Localizer
+from curvescan.slam.loop_search import Beside
 from curvescan.slam.slam import Slam
 from curvescan.types import Pose
+
+if TYPE_CHECKING:
+    from curvescan.runs.odometry_process import OdometryProcess
 
 Engine: TypeAlias = Odometry | Slam | Localizer
 """What has ``add(scan, odometry_pose) -> Step``."""
@@ -29,23 +34,13 @@ def is_deskewed(engine: Engine) -> bool:
     return odometry_of(engine).config.deskew
 
 
-class OdometryAhead(Protocol):
-    """The odometry of a log, made elsewhere: ``curvescan.runs.odometry_process``."""
-
-    odometry: Odometry  # at the end of the iteration the one that has placed all scans
-
-    def __iter__(self) -> Iterator[PlacedScan]:
-        """Yield the scans of the log with their steps, in order."""
-        ...
-
-
 def run_engine(
     scans: Iterable[LaserScan],
     engine: Engine,
     *,
     odometry_poses: Pose | None = None,
     on_step: Callable[[Step], None] | None = None,
-    ahead: OdometryAhead | None = None,
+    ahead: OdometryProcess | None = None,
     keeps_steps: bool = True,
 ) -> RunRecord:
     """Return the record of an engine over a sequence of scans; Ctrl-C ends it and keeps the results so far.
@@ -64,14 +59,14 @@ def run_engine(
         return record
     if ahead is not None:
         engine.odometry = ahead.odometry
-    return finished(record, engine)
+    return finished(record, engine, partial if ahead is None else ahead.call_after)
 
 
-def finished(record: RunRecord, slam: Slam) -> RunRecord:
+def finished(record: RunRecord, slam: Slam, beside: Beside = partial) -> RunRecord:
     """Return the record of a run of SLAM with the poses of its graph, which is optimized once more."""
     started = time.perf_counter()
     n = len(record.outcomes)
-    revised = (slam.finish() if n else slam.trajectory())[:n]
+    revised = (slam.finish(beside) if n else slam.trajectory())[:n]
     seconds = time.perf_counter() - started
     revised = replace(revised, stamps=record.online.stamps)
     return replace(record, trajectory=revised, seconds_to_finish=seconds)

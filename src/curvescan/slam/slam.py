@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,16 +31,16 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
-from curvescan.slam.jobs import Problem, Solution, solve
+from curvescan.slam.jobs import Problem, solve
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.loop_search import LoopSearch
+from curvescan.slam.loop_search import Beside, LoopSearch
 from curvescan.slam.loops.audit import Contradiction
 from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.open_drive import UNMEASURED, OpenDrive, between_steps
 from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.records import Records
-from curvescan.types import Ints, Pose
+from curvescan.types import Cov, Ints, Pose
 
 _VAGUE = 0.3
 """A new keyframe is due when the way since the last one is known no better than this, metres: along a bare corridor the
@@ -98,7 +100,7 @@ class Slam:
         self._n_lost = self._n_most_lost = 0  # scans that nothing places, now and since the current keyframe
         self._n_scans = 0
         self._beside = ThreadPoolExecutor(1, thread_name_prefix="curvescan-slam")
-        self._job: Future[Solution] | None = None
+        self._job: Future[tuple[Problem, Cov]] | None = None
         self._job_due = 0
         self._contradictions: tuple[Contradiction, ...] = ()
 
@@ -142,7 +144,7 @@ class Slam:
         self._last = step
         self._n_scans += 1
         self._records.add(step.stamp, seen)
-        closures = self._search.work(step.index)
+        closures = self._search.work(step.index, self.config.closures.matches_per_scan)
         is_revised = self._optimize_beside()
         here = compose(self._map.current_in_map(), seen)
         return replace(
@@ -197,24 +199,24 @@ class Slam:
                 self._job, self._job_due = self._begin_job(), self._n_scans + _N_ADOPT
         return is_revised
 
-    def _begin_job(self, *, is_last: bool = False) -> Future[Solution]:
+    def _begin_job(self, *, is_last: bool = False) -> Future[tuple[Problem, Cov]]:
         self._search.is_urgent = False
         return self._beside.submit(solve, Problem.of(self.graph, self._map.current), self.config.noise, is_last)
 
     def _adopt(self) -> None:
         """Take the result of the optimization under way, if one is."""
         if self._job is not None:
-            self._map.adopt(self._job.result())
+            self._map.adopt(*self._job.result())
             self._job = None
 
-    def finish(self) -> Trajectory:
-        """Match what still waits, optimize to the end, and return every pose."""
+    def finish(self, beside: Beside = partial) -> Trajectory:
+        """Match what still waits, half of it beside, optimize to the end, and return every pose."""
         if self._origin is not None:
             self._adopt()
-            self._search.finish(self._n_scans)
+            self._search.work(self._n_scans, sys.maxsize)
             self._settle()
             for _ in range(_N_PASSES):
-                self._search.densify(self._n_scans)
+                self._search.densify(self._n_scans, beside)
                 self._settle()
                 audited = self._search.audit()
                 if not self._search.reopen(audited):
@@ -226,7 +228,7 @@ class Slam:
         return self.trajectory()
 
     def _settle(self) -> None:
-        self._map.adopt(self._begin_job(is_last=True).result())
+        self._map.adopt(*self._begin_job(is_last=True).result())
 
     def trajectory(self) -> Trajectory:
         """Return every pose so far, in the map as it is now."""

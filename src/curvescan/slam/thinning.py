@@ -109,9 +109,7 @@ def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[int, UncertainPose]:
             if heir > u:
                 moved = inverse(moved)
             graph.add_edge(min(heir, u), max(heir, u), moved.pose, moved.cov, EdgeKind.CLOSURE)
-    is_kept = np.ones(graph.n_edges, dtype=np.bool_)
-    is_kept[rows] = False
-    graph.keep_edges(is_kept)
+    graph.keep_edges(~np.isin(np.arange(len(graph.ends)), rows))
     return heir, from_heir
 
 

@@ -94,7 +94,7 @@ def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | Non
         assessment.is_weakly_observable(config.information) and not set(along).isdisjoint(competing)
     )
     others = [k for k in range(1, len(poses)) if distance(poses[k], poses[0]) > NEAR and not (is_flat and k in along)]
-    support = support_of(weighed, others, bool(is_degenerate.any()) or is_flat)
+    support = support_of(weighed, others, any(is_degenerate.tolist()) or is_flat)
     ties = [k for k in along if k in competing] if is_flat else ties_of(support, along, config)
     if walls is not None:
         ties = [k for k in along if k in ties or weighed.is_as_likely(k)]
@@ -117,7 +117,7 @@ def along_weakest_direction(
     if is_weak or is_open:
         # the weakest direction of a wall and little more turns somewhat; the other places along the wall need not
         directions.append(assessment.weakest)
-        if np.abs(assessment.weakest[:2]).max() > _LEAST_SHIFT:
+        if max(map(abs, assessment.weakest[:2].tolist())) > _LEAST_SHIFT:
             directions.append(assessment.weakest * _STRAIGHT)
     return [
         k
@@ -144,7 +144,7 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     assessment, support, is_degenerate = (assessed.assessment, assessed.support, assessed.is_degenerate)
     ref, cur, _, config = problem
     least = config.scoring.min_confidence
-    if assessment is None or support is None or is_degenerate.all():
+    if assessment is None or support is None or all(is_degenerate.tolist()):
         return Verdict(outcome=Outcome.UNSUPPORTED)
     accept, _, unsupported = support.probabilities(assessed.ties)
     is_alone = set(support.repeated()) <= set(assessed.ties)
@@ -159,7 +159,7 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
         pose=pose,
         assessment=assessment,
         covariance=cov,
-        is_degenerate=bool(is_degenerate.any()),
+        is_degenerate=any(is_degenerate.tolist()),
         confidence=accept,
         is_guess_decisive=problem.prior.is_told and support.is_by_prior,
     )

@@ -20,7 +20,7 @@ from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, competing_poses, disambiguate
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
 from curvescan.matchers.curvescan.prior import WIDE, Prior
-from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, propose
+from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, effort_of, propose
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
@@ -50,6 +50,7 @@ class CurvescanMatcher:
 
     def __init__(self, config: CurvescanConfig) -> None:
         self.config = config
+        self._effort = effort_of(config)
 
     def prepare(self, scan: LaserScan) -> CurvescanFeatures:
         """Return the surfels, keypoints and range image of a scan."""
@@ -70,7 +71,7 @@ class CurvescanMatcher:
         problem = Problem(reference, current, WIDE if prior is None else Prior.of(prior), self.config)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
             return report(problem, _NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
-        candidates = propose(problem)
+        candidates = Candidates(*propose(reference, current, problem.prior, self._effort))
         assessed = assess(problem, *refine_candidates(problem, candidates))
         verdict = disambiguate(problem, assessed)
         return report(problem, candidates, assessed, verdict)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from curvescan._jit import kernel
 from curvescan.matchers.curvescan.config import SAME
 from curvescan.types import Pose
 
@@ -11,12 +12,14 @@ from curvescan.types import Pose
 _STRAIGHT = SAME
 
 
+@kernel
 def difference(pose: Pose, origin: Pose) -> tuple[float, float, float]:
     """Return x, y and theta of a pose less those of another, metres, metres and radians in [-pi, pi]."""
-    x, y, theta = (pose - origin).tolist()
-    return x, y, math.remainder(theta, 2.0 * math.pi)
+    turn = pose[2] - origin[2]
+    return pose[0] - origin[0], pose[1] - origin[1], turn - 2.0 * math.pi * round(turn / (2.0 * math.pi))
 
 
+@kernel
 def distance(a: Pose, b: Pose) -> float:
     """Return how far apart two poses are: metres, or radians times 2 m, whichever is more."""
     x, y, theta = difference(a, b)

@@ -40,7 +40,7 @@ class Prior(NamedTuple):
 
     def log_odds(self, poses: Floats) -> tuple[Floats, Floats]:
         """Return (k,) log odds of (k, 3) poses beside the best of the wide prior: by this one, and if it is wrong."""
-        return log_odds(poses, *self)
+        return log_odds(poses, self)
 
     def nearest_along(self, pose: Pose, direction: Pose, reach: float) -> Pose:
         """Return the pose that is expected most of those that lie up to `reach` along a direction from a pose."""
@@ -56,10 +56,6 @@ class Prior(NamedTuple):
         """Whether the prior says where the pose is, and not only where it may be."""
         return math.log1p(self.gain) > TOLD
 
-    def tells(self, pose: Pose) -> bool:
-        """Return whether the prior itself says that the scan is at a pose."""
-        return bool(self.log_odds(pose[np.newaxis])[0][0] > TOLD)
-
 
 def inverse(cov: Cov) -> tuple[Cov, float]:
     """Return the inverse of a covariance, of a matched pose added, and the determinant of the sum; by cofactors."""
@@ -71,10 +67,10 @@ def inverse(cov: Cov) -> tuple[Cov, float]:
 
 
 @kernel
-def log_odds(poses: Floats, expected: Pose, precision: Cov, gain: float) -> tuple[Floats, Floats]:
+def log_odds(poses: Floats, prior: Prior) -> tuple[Floats, Floats]:
     """Return (k,) log odds of (k, 3) poses by a prior, and by the wide one about the same place; see Prior."""
     found, found_wide = np.empty(poses.shape[0]), np.empty(poses.shape[0])
-    off = np.empty(3)
+    expected, precision, off = prior.pose, prior.precision, np.empty(3)
     for k in range(poses.shape[0]):
         off[0], off[1] = poses[k, 0] - expected[0], poses[k, 1] - expected[1]
         turn = poses[k, 2] - expected[2]
@@ -85,8 +81,14 @@ def log_odds(poses: Floats, expected: Pose, precision: Cov, gain: float) -> tupl
             for j in range(3):
                 chi2 += off[i] * precision[i, j] * off[j]
         found_wide[k] = -0.5 * min(wide, _MAX_CHI2)
-        found[k] = math.log(gain * math.exp(-0.5 * chi2) + math.exp(found_wide[k]))
+        found[k] = math.log(prior.gain * math.exp(-0.5 * chi2) + math.exp(found_wide[k]))
     return found, found_wide
+
+
+@kernel
+def tells(prior: Prior, poses: Floats) -> bool:
+    """Return whether the prior itself says that the scan is at the first of some poses."""
+    return bool(poses.shape[0] > 0 and log_odds(poses[:1], prior)[0][0] > TOLD)
 
 
 WIDE = Prior.of(WIDE_PRIOR)

@@ -122,7 +122,7 @@ class MapMatcher:
         poses = self._map.poses
         near = np.flatnonzero(np.hypot(*(poses[:, :2] - expected.pose[:2]).T) < _REACH_M)
         relative = se2.between(poses[near], expected.pose)
-        overlap = foretold_overlap(self._keyframes.profiles, near, relative, range_profile(scan))
+        overlap = foretold_overlap(self._keyframes.profiles.array, near, relative, range_profile(scan), 0.0)
         apart = np.hypot(relative[:, 0], relative[:, 1])
         order = np.argsort(-overlap / (1.0 + apart / (0.5 * _REACH_M)), kind="stable")[: 2 * _N_FUSED]
         order = order[overlap[order] >= _LEAST_OVERLAP]

@@ -13,7 +13,6 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.slam.pose_graph.marginals import seen_from
 from curvescan.slam.pose_graph.posterior import rotations
 from curvescan.types import Bools, Cov, Pose
 
@@ -31,7 +30,11 @@ class Belief(NamedTuple):
     @classmethod
     def of(cls, k: int, poses: Pose, covariances: Cov) -> Belief:
         """Return what is known of keyframe k by the (n, 3) poses and their (n, 3, 3) covariances, with k's zero."""
-        return cls(k, *seen_from(poses, covariances, k))
+        relative = se2.between(poses, poses[k])
+        # by the pose that sees: d/dx_i of R_i^T (t_k - t_i)
+        jac = -rotations(poses[:, 2]).transpose(0, 2, 1)
+        jac[:, 0, 2], jac[:, 1, 2] = relative[:, 1], -relative[:, 0]
+        return cls(k, relative, jac @ covariances @ jac.transpose(0, 2, 1).copy())
 
     @classmethod
     def at_start(cls, k: int, poses: Pose) -> Belief:

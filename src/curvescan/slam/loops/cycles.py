@@ -24,7 +24,12 @@ class Chain(NamedTuple):
     @classmethod
     def of(cls, poses: Pose, motions: Cov) -> Chain:
         """Return a chain by its (n, 3) poses and (n, 3, 3) covariance of the motion to each."""
-        return cls(poses, gathered_covariances(poses, motions))
+        return cls(poses.copy(), gathered_covariances(poses, motions))
+
+    def extended(self, poses: Pose, motions: Cov) -> Chain:
+        """Return a chain with more poses and motions; the first of them are those of its end."""
+        gathered = self.gathered[-1] + gathered_covariances(poses, motions)[1:]
+        return Chain(np.concatenate((self.poses, poses[1:])), np.concatenate((self.gathered, gathered)))
 
 
 @kernel

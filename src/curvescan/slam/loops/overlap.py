@@ -34,15 +34,15 @@ def range_profile(scan: LaserScan) -> Floats:
 
 
 @kernel
-def foretold_overlap(profiles: Floats, rows: Ints, relative: Pose, newest: Floats) -> Floats:
-    """Return the (k,) smaller of the shares that each keyframe sees of the newest, at (k, 3), and the newest of it."""
+def foretold_overlap(profiles: Floats, rows: Ints, relative: Pose, newest: Floats, least: float) -> Floats:
+    """Return (k,) the smaller share of what two see, the newest at (k, 3) and each keyframe; below `least` either."""
     shares = np.empty(len(rows))
     for n in range(len(rows)):
         x, y, theta = relative[n, 0], relative[n, 1], relative[n, 2]
         c, s = math.cos(theta), math.sin(theta)
-        there = _seen_share(newest, profiles[rows[n]], x, y, theta)
-        back = _seen_share(profiles[rows[n]], newest, -c * x - s * y, s * x - c * y, -theta)
-        shares[n] = min(there, back)
+        shares[n] = _seen_share(newest, profiles[rows[n]], x, y, theta)
+        if shares[n] >= least:
+            shares[n] = min(shares[n], _seen_share(profiles[rows[n]], newest, -c * x - s * y, s * x - c * y, -theta))
     return shares
 
 

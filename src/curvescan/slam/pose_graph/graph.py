@@ -54,11 +54,6 @@ class PoseGraph:
         return len(self._poses)
 
     @property
-    def n_edges(self) -> int:
-        """How many edges there are."""
-        return len(self._edges)
-
-    @property
     def poses(self) -> Pose:
         """(n_poses, 3): of each keyframe in the map."""
         return self._poses.array

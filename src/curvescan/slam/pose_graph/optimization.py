@@ -8,13 +8,14 @@ theta_ij].
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.se2.uncertain import wrap_angle
+from curvescan.slam.pose_graph.cholesky import Elimination, factorized, inverse_blocks, solved
 from curvescan.types import Cov, Floats, Ints, Pose
 
 _SHORT = 0.1
@@ -40,19 +41,19 @@ class Edges(NamedTuple):
 
 
 def optimize(
-    poses: Pose, edges: Edges, weights: Floats, anchors: Ints, *, max_iterations: int = 20, tolerance: float = 1e-5
+    poses: Pose, edges: Edges, weights: Floats, anchors: Ints, elimination: Elimination, tolerance: float = 1e-5
 ) -> Pose:
-    """Return the (n, 3) poses that the edges agree on best; weights (m,); anchors (k,)."""
-    order = elimination_order(edges.ends, len(poses))
+    """Return the (n, 3) poses that the edges agree on best; weights (m,); anchors (k,); elimination: also of others."""
+    order, indptr, rows = elimination
     rank = np.argsort(order)
-    edges, anchors, poses = edges._replace(ends=rank[edges.ends]), rank[anchors], poses[order]
-    longest = np.inf
-    for _ in range(max_iterations):
+    edges, poses, is_held = edges._replace(ends=rank[edges.ends]), poses[order], np.isin(order, anchors)
+    weighted, longest = weights[:, np.newaxis, np.newaxis] * edges.information, np.inf
+    for _ in range(20):
         jacobians, gradient, _ = linearized(poses, *edges, weights)
-        gradient[anchors] = 0.0
+        gradient[is_held] = 0.0
         if longest > _SHORT:
-            solver = factorized(_normal_matrix(jacobians, edges, weights, anchors, len(poses)), order="NATURAL")
-        step = solver.solve(-gradient.ravel()).reshape(-1, 3)
+            blocks = factorized(indptr, rows, edges.ends, jacobians, weighted, is_held)
+        step = solved(indptr, rows, blocks, -gradient)
         poses = poses + step
         longest = np.abs(step).max(initial=0.0)
         if not longest > tolerance:
@@ -61,33 +62,26 @@ def optimize(
     return poses[rank]
 
 
-def information_matrix(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> Any:
-    """Return the information matrix at the poses, J^T W J, (3n, 3n) in CSC.
+def marginal_covariances(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> Cov:
+    """Return (n, 3, 3) covariance of each pose with the anchors, (k,), known exactly; poses (n, 3), weights (m,).
 
-    Poses that are anchored stand for themselves: their rows and columns are those of the identity.
+    Anchored at the pose in question, these are the covariances of all others seen from it, with no cancellation of
+    large numbers: what a chain of keyframes has in common is not in them.
     """
-    return _normal_matrix(linearized(poses, *edges, weights)[0], edges, weights, anchors, len(poses))
+    order, indptr, rows = Elimination.of(edges.ends, len(poses))
+    rank = np.argsort(order)
+    edges = edges._replace(ends=rank[edges.ends])
+    jacobians, is_held = linearized(poses[order], *edges, weights)[0], np.isin(order, anchors)
+    weighted = weights[:, np.newaxis, np.newaxis] * edges.information
+    blocks = factorized(indptr, rows, edges.ends, jacobians, weighted, is_held)
+    found: Cov = inverse_blocks(indptr, rows, blocks)[indptr[rank]]
+    found[anchors] = 0.0
+    return found
 
 
 def squared_distances(poses: Pose, edges: Edges) -> Floats:
     """Return (m,) squared Mahalanobis distances of the edges at the poses."""
     return linearized(poses, *edges, np.ones(len(edges.ends)))[2]
-
-
-def _normal_matrix(jacobians: Floats, edges: Edges, weights: Floats, anchors: Ints, n: int) -> Any:
-    from scipy.sparse import bsr_array  # loads for a good part of a second
-
-    m, k = len(edges.ends), len(anchors)
-    jacobians[np.isin(edges.ends, anchors)] = 0.0
-    weighted = (weights[:, np.newaxis, np.newaxis] * edges.information)[:, np.newaxis] @ jacobians
-    # two blocks a row, those of the poses that an edge joins; one for each anchor
-    where = np.append(edges.ends, anchors), np.append(2 * np.arange(m), 2 * m + np.arange(k + 1))
-    held = np.tile(np.eye(3), (k, 1, 1))
-    jac, half = (
-        bsr_array((np.concatenate((blocks.reshape(-1, 3, 3), held)), *where), shape=(3 * (m + k), 3 * n))
-        for blocks in (jacobians, weighted)
-    )
-    return (half.T @ jac).tocsr().T  # a transposed CSR is a CSC
 
 
 @kernel
@@ -118,21 +112,3 @@ def linearized(
                 gradient[i, q] += weights[k] * pull * by_i[row, q]
                 gradient[j, q] += weights[k] * pull * by_j[row, q]
     return jacobians, gradient, distances
-
-
-def elimination_order(ends: Ints, n_poses: int) -> Ints:
-    """Return (n_poses,) poses in an order in which the normal equations of edges fill in little: minimum degree."""
-    from scipy.sparse import coo_array, eye_array
-
-    i, j = ends.T
-    links = coo_array((np.ones(2 * len(i)), (np.concatenate((i, j)), np.concatenate((j, i)))), shape=(n_poses, n_poses))
-    # diagonally dominant, so that it has a factorization
-    laplacian = eye_array(n_poses, format="csc") * (2.0 * len(i) + 1.0) - links.tocsc()
-    return np.argsort(factorized(laplacian).perm_c).astype(np.int64)
-
-
-def factorized(matrix: Any, order: str = "MMD_AT_PLUS_A") -> Any:
-    """Return SciPy's SuperLU object of a symmetric positive definite matrix, factorized without pivoting."""
-    from scipy.sparse.linalg import splu
-
-    return splu(matrix.tocsc(), permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True})

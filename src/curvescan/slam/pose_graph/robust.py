@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from curvescan.slam.pose_graph.cholesky import Elimination
 from curvescan.slam.pose_graph.graph import anchors_of, components
 from curvescan.slam.pose_graph.optimization import Edges, optimize, squared_distances
 from curvescan.types import Floats, Ints, Pose
@@ -47,7 +48,8 @@ def optimize_robustly(
     """
     m = len(edges.ends)
     weights = np.ones(m) if weights is None else np.maximum(weights, least)
-    poses = _optimum(poses, edges, weights, anchors)
+    elimination = Elimination.of(edges.ends, len(poses))
+    poses = _optimum(poses, edges, weights, anchors, elimination)
     distances = squared_distances(poses, edges)
     worst = distances.max(initial=0.0)
     convexity = max(limit / max(2.0 * worst - limit, 1e-12), least_convexity)
@@ -57,7 +59,7 @@ def optimize_robustly(
         weights = new
         if settled:
             break
-        poses = _optimum(poses, edges, weights, anchors)
+        poses = _optimum(poses, edges, weights, anchors, elimination)
         distances = squared_distances(poses, edges)
         convexity *= _STEP
     return RobustOptimum(poses=poses, weights=weights, distances=distances)
@@ -71,8 +73,8 @@ def tls_weights(distances: Floats, limit: float, convexity: float) -> Floats:
     return np.where(distances <= inner, 1.0, np.where(distances >= outer, 0.0, middle))
 
 
-def _optimum(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> Pose:
+def _optimum(poses: Pose, edges: Edges, weights: Floats, anchors: Ints, elimination: Elimination) -> Pose:
     used = np.flatnonzero(weights > 0.0)  # what does not count leaves the pattern
     # a session that hangs on closures alone may come loose
     anchors = anchors_of(components(edges.ends[used], len(poses)), anchors)
-    return optimize(poses, edges.chosen(used), weights[used], anchors)
+    return optimize(poses, edges.chosen(used), weights[used], anchors, elimination)

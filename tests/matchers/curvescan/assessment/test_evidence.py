@@ -45,7 +45,7 @@ def wall(x0, y0, x1, y1, n=40):
 
 
 def evidence(ref, cur, *poses):
-    return gather_evidence(ref.surfaces, cur.surfaces, np.array(poses), CONFIG.scoring.margin)
+    return gather_evidence(ref, cur, np.array(poses), CONFIG.scoring.margin)
 
 
 def leaning(distance):

@@ -11,9 +11,14 @@ import curvescan as cs
 from curvescan.matchers.curvescan.association import FORWARD, motion_of, project
 from curvescan.matchers.curvescan.config import ScoringConfig
 from curvescan.matchers.curvescan.features.range_image import place_of, reading_at, reading_beside
-from curvescan.matchers.curvescan.proposal.scoring import best_beside, score_pose, score_samples, select
+from curvescan.matchers.curvescan.proposal import scoring
+from curvescan.matchers.curvescan.proposal.scoring import best_beside, score_samples, select
 from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
 from tests.reference import curvescan as slow
+
+
+def score_pose(pose, ref, cur, *limits):
+    return scoring.score_pose(pose, ref, cur, *limits, scoring.room_for(ref, cur))
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -7,8 +7,8 @@ import numpy as np
 import curvescan as cs
 from curvescan.matchers.curvescan.config import CurvescanConfig, HypothesesConfig, ScoringConfig
 from curvescan.matchers.curvescan.prior import WIDE, Prior
-from curvescan.matchers.curvescan.proposal import search as search_rules
-from curvescan.matchers.curvescan.proposal.search import Problem, is_trusted, propose, refine_guess, search
+from curvescan.matchers.curvescan.proposal import search as rules
+from curvescan.matchers.curvescan.proposal.search import Candidates, effort_of, is_trusted, refine_guess
 from curvescan.matchers.result import prior_of
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair
@@ -18,6 +18,14 @@ CONFIG = CurvescanConfig()
 
 def prior_at(guess):
     return Prior.of(prior_of(None, guess))
+
+
+def search(ref, cur, prior, config, **effort):
+    return Candidates(*rules.search(ref, cur, prior, effort_of(config)._replace(**effort)))
+
+
+def propose(ref, cur, guess):
+    return Candidates(*rules.propose(ref, cur, prior_at(guess), effort_of(CONFIG)))
 
 
 def off(pose):
@@ -45,29 +53,29 @@ def test_walls_that_coincide_propose_what_nothing_else_does():
     assert np.abs(found.poses[0] - [0.55, -0.45, 0.0]).max() < 0.02
 
 
-def test_no_walls_are_aligned_where_the_best_pose_lies_where_the_guess_has_it(monkeypatch):
+def test_no_walls_are_aligned_where_the_best_pose_lies_where_the_guess_has_it():
     motion = np.array([0.55, -0.45, 0.0])
     ref, cur = pair(motion=motion)
     # nothing is ever certain, and nothing but the guess and the walls propose the place
     doubting = CurvescanConfig(hypotheses=HypothesesConfig(max_tried=1, n_rotations=1, along_reach=0.01))
-    monkeypatch.setattr(search_rules, "_FEW_TRIED", 10_000)
-    monkeypatch.setattr(search_rules, "_CERTAIN_SCORE", 1.0)
+    never = {"few_tried": 10_000, "certain_score": 1.0}
     right, wrong = np.add(motion, [0.03, 0.0, 0.01]), np.add(motion, [2.0, 0.0, 0.0])
-    few = search(ref, cur, prior_at(right), doubting).n_tried
+    few = search(ref, cur, prior_at(right), doubting, **never).n_tried
     assert few < 10
-    found = search(ref, cur, prior_at(wrong), doubting)
+    found = search(ref, cur, prior_at(wrong), doubting, **never)
     assert found.n_tried > few
     assert np.abs(found.poses[0] - motion).max() < 0.02
 
 
 def trusted(ref, cur, guess):
-    return is_trusted(ref, cur, prior_at(guess), refine_guess(ref, cur, guess, CONFIG), CONFIG)
+    images, prior, effort = (ref.image, cur.image), prior_at(guess), effort_of(CONFIG)
+    return is_trusted(*images, prior, *refine_guess(*images, prior, effort), effort)
 
 
 def test_a_guess_is_followed_only_where_it_is_right():
     ref, cur = pair()
     assert trusted(ref, cur, MOTION + 0.03)
-    followed = propose(Problem(ref, cur, prior_at(MOTION + 0.03), CONFIG))
+    followed = propose(ref, cur, MOTION + 0.03)
     assert followed.n_tried == 1
     assert off(followed.poses[0]) < 0.01
     assert not trusted(ref, cur, MOTION + np.array([0.8, 0.5, 1.0]))
@@ -82,6 +90,6 @@ def test_a_guess_that_is_not_trusted_is_one_more_candidate():
     ref, cur = pair()
     guess = MOTION + np.array([0.0, 0.6, 0.0])
     alone = search(ref, cur, prior_at(guess), CONFIG)
-    found = propose(Problem(ref, cur, prior_at(guess), CONFIG))
+    found = propose(ref, cur, guess)
     assert len(found.poses) >= len(alone.poses)
     assert off(found.poses[0]) < 0.01

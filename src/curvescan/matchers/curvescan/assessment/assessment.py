@@ -18,7 +18,6 @@ from curvescan.matchers.curvescan.config import (
     ScoringConfig,
 )
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
-from curvescan.matchers.curvescan.features.objects import Surfaces
 from curvescan.matchers.curvescan.proposal.scoring import FINE, best_beside
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine
 from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
@@ -69,7 +68,7 @@ def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, conf
     """Return what the scans say of a pose of the current scan in the reference."""
     rules = config.scoring
     limits = rules.margin, 2.0 * LIKELY_SIGMAS, rules.margin, config.information.max_sigma**-2
-    return Assessment(*assess(ref.surfaces, cur.surfaces, pose, limits))
+    return Assessment(*assess(ref, cur, pose, limits))
 
 
 @kernel
@@ -87,7 +86,7 @@ def remove_dynamic(codes: Codes, partner: Ints, is_static: Bools) -> int:
 
 @kernel
 def assess(
-    scan_ref: Surfaces, scan_cur: Surfaces, pose: Floats, limits: tuple[float, float, float, float]
+    scan_ref: CurvescanFeatures, scan_cur: CurvescanFeatures, pose: Floats, limits: tuple[float, float, float, float]
 ) -> tuple[Codes, Codes, int, int, Floats, Floats, Floats, Bools]:
     """Return the fields of an Assessment, in their order.
 

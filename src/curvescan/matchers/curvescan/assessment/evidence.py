@@ -25,7 +25,8 @@ from curvescan.matchers.curvescan.association import (
     turned_back,
 )
 from curvescan.matchers.curvescan.config import PARALLEL
-from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE, Surfaces
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
 
@@ -43,7 +44,7 @@ _BESIDE = 0.3  # metres: a surface no farther from the other scan's, and paralle
 
 
 @kernel
-def gather_evidence(ref: Surfaces, cur: Surfaces, poses: Floats, margin: float) -> Floats:
+def gather_evidence(ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, margin: float) -> Floats:
     """Return (k, N_EVIDENCE) the evidence of (k, 3) poses; `margin` as in ScoringConfig."""
     found = np.zeros((poses.shape[0], N_EVIDENCE))
     for k in range(poses.shape[0]):
@@ -57,7 +58,9 @@ def gather_evidence(ref: Surfaces, cur: Surfaces, poses: Floats, margin: float) 
 
 
 @kernel
-def add_evidence(scan: Surfaces, other_scan: Surfaces, pose: Floats, way: float, margin: float, found: Floats) -> int:
+def add_evidence(
+    scan: CurvescanFeatures, other_scan: CurvescanFeatures, pose: Floats, way: float, margin: float, found: Floats
+) -> int:
     """Add what the readings of one scan say of a pose to (N_EVIDENCE,) `found`; return how many have a misfit."""
     surfels, bounds, is_small = scan.image.surfels, scan.bounds, scan.objects.is_small
     other, is_small_other = other_scan.image, other_scan.objects.is_small

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.surfels import RANGE, X, Y
 from curvescan.types import Bools, Floats, Ints
 
@@ -25,14 +24,6 @@ class Objects(NamedTuple):
     is_free: Bools  # (n,): which objects are no larger than a person and stand free on both sides
     # (m,): which readings are of things no larger than a person that stand before what is on one side of them
     is_small: Bools
-
-
-class Surfaces(NamedTuple):
-    """What is assessed of a scan."""
-
-    image: RangeImage  # its readings
-    bounds: Ints  # (s + 1,): surface k is readings bounds[k]:bounds[k + 1]
-    objects: Objects  # surfaces that may move as one
 
 
 @kernel

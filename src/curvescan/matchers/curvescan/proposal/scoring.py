@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.association import FORWARD, Motion, associate, is_seen_through, project, turned
+from curvescan.matchers.curvescan.association import FORWARD, Motion, associate, is_seen_through, project_into, turned
 from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_beside
 from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, SPACING, VARIANCE, X, Y
@@ -76,28 +76,43 @@ def score_samples(
 
 
 @kernel
+def room_for(ref: RangeImage, cur: RangeImage) -> tuple[Floats, Floats]:
+    """Return arrays for the samples of two scans, projected."""
+    return np.empty((3, ref.samples.shape[0])), np.empty((3, cur.samples.shape[0]))
+
+
+@kernel
 def score_pose(
-    pose: Floats, ref: RangeImage, cur: RangeImage, tolerance: float, slope: float, n_first: int, least: float
+    pose: Floats,
+    ref: RangeImage,
+    cur: RangeImage,
+    tolerance: float,
+    slope: float,
+    n_first: int,
+    least: float,
+    placed: tuple[Floats, Floats],
 ) -> float:
     """Return the score of one pose, both ways round, at most 1.
 
     n_first samples of each scan are tried, then as many more as before, until all are or the score has no
-    prospect of reaching `least`; it is then that of the samples tried.
+    prospect of reaching `least`; it is then that of the samples tried. placed: room to work, see :func:`room_for`.
     """
     x, y, theta = pose[0], pose[1], pose[2]
     c, s = math.cos(theta), math.sin(theta)
     there, back = Motion(c, s, x, y, FORWARD), Motion(c, -s, -c * x - s * y, s * x - c * y, FORWARD)
-    n_ref, n_cur = ref.samples.shape[0], cur.samples.shape[0]
+    samples_ref, samples_cur = ref.samples, cur.samples
+    n_ref, n_cur = samples_ref.shape[0], samples_cur.shape[0]
     # all at once, by vector instructions, which takes no longer than the first few one by one
-    placed_ref, placed_cur = project(ref.samples, back, cur), project(cur.samples, there, ref)
-    low, high, score, rate = n_first - n_first, n_first, 0.0, 0.0  # not the constant 0: see explore
-    while low < max(n_ref, n_cur):
-        score += score_samples(cur.samples, placed_cur, low, high, ref, there, tolerance, slope)
-        score += score_samples(ref.samples, placed_ref, low, high, cur, back, tolerance, slope)
-        rate = score / (min(high, n_ref) + min(high, n_cur))
+    placed_ref, placed_cur = placed
+    project_into(placed_ref, samples_ref, back, cur)
+    project_into(placed_cur, samples_cur, there, ref)
+    low, high, score, rate, prospect = n_first - n_first, n_first, 0.0, 0.0, 1.0  # not the constant 0: see explore
+    while low < max(n_ref, n_cur) and rate >= least - prospect:
+        score += score_samples(samples_cur, placed_cur, low, high, ref, there, tolerance, slope)
+        score += score_samples(samples_ref, placed_ref, low, high, cur, back, tolerance, slope)
+        n = min(high, n_ref) + min(high, n_cur)
         # few samples err more: what is certain of a score narrows with the root of their number
-        if rate < least - _PROSPECT / math.sqrt(min(high, n_ref) + min(high, n_cur)):
-            break
+        rate, prospect = score / n, _PROSPECT / math.sqrt(n)
         low = high
         high *= 2
     return rate
@@ -118,6 +133,7 @@ def select(
     best = np.empty((n_kept, 3))
     scores = np.empty(n_kept)
     n_alike = np.zeros(n_kept, dtype=np.int64)
+    placed = room_for(ref, cur)
     n = 0
     for h in range(poses.shape[0]):
         x, y, theta = poses[h, 0], poses[h, 1], poses[h, 2]
@@ -137,7 +153,7 @@ def select(
             if n_alike[like] > _MAX_ALIKE:
                 continue
             least = scores[like]
-        score = score_pose(poses[h], ref, cur, tolerance, slope, n_first, least)
+        score = score_pose(poses[h], ref, cur, tolerance, slope, n_first, least, placed)
         if score <= least:
             continue
         place = like  # the entry that goes: its like, or the last
@@ -162,10 +178,11 @@ def best_beside(
     """Return the best score of the poses beside a pose: `offsets` times the (3,) `axis` away, on both sides."""
     best = -1.0
     n_samples = max(ref.samples.shape[0], cur.samples.shape[0])  # a constant would be compiled for
+    placed = room_for(ref, cur)
     moved = np.empty(3)
     for offset in offsets:
         for sign in (-1.0, 1.0):
             for k in range(3):
                 moved[k] = pose[k] + sign * offset * axis[k]
-            best = max(best, score_pose(moved, ref, cur, tolerance, slope, n_samples, -1.0))
+            best = max(best, score_pose(moved, ref, cur, tolerance, slope, n_samples, -1.0, placed))
     return best

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from curvescan.matchers.curvescan.config import NEAR, SAME, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.pose_difference import distance
-from curvescan.matchers.curvescan.prior import Prior
+from curvescan.matchers.curvescan.prior import TOLD, Prior, tells
 from curvescan.matchers.curvescan.proposal.hypotheses import most_voted, pair_keypoints
 from curvescan.matchers.curvescan.proposal.rotation_hypotheses import (
     aligned_translations,
@@ -20,7 +21,7 @@ from curvescan.matchers.curvescan.proposal.rotation_hypotheses import (
 )
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, MOVED_ALONG, ROUGH, select
 from curvescan.matchers.curvescan.refinement import refine
-from curvescan.types import Floats, Pose
+from curvescan.types import Floats
 
 _MAX_PAIRS = 4000  # pairs of keypoints taken, at most
 # Where no pose finds support, places up to so many metres along each axis are tried at which walls coincide within so
@@ -28,7 +29,7 @@ _MAX_PAIRS = 4000  # pairs of keypoints taken, at most
 _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED = 2.0, SAME, 3
 _N_KEPT = 4  # poses that are refined
 CONTESTED = 0.3  # a pose with this share of the best one's score competes with it, and is judged beside it
-_FEW_TRIED, _CERTAIN_SCORE = 24, 0.55  # with fewer poses than this to try, other ways are tried up to the next score
+_FEW_TRIED, _CERTAIN_SCORE = 24, 0.55  # see Effort
 
 
 class Problem(NamedTuple):
@@ -53,6 +54,12 @@ class Effort(NamedTuple):
     along_step: float  # of places along a corridor, metres
     n_along: int  # places to each side
     degenerate_ratio: float  # as in InformationConfig
+    # doubtful_score, guess_score: as in ScoringConfig
+    doubtful_score: float
+    guess_score: float
+    # with fewer poses than this to try, other ways are tried up to that score
+    few_tried: int
+    certain_score: float
     # of rough, moved and closely refined poses: metres, and metres for each metre of range; how many of each are kept,
     # and the samples that are tried first
     tolerances: tuple[float, float, float, float, float, float]
@@ -70,75 +77,9 @@ class Candidates(NamedTuple):
     n_tried: int  # poses that were verified
 
 
-def propose(problem: Problem) -> Candidates:
-    """Return the best poses: the expected one alone where it is to be trusted, else what a search finds, and it."""
-    ref, cur, prior, config = problem
-    if not prior.is_told:
-        return search(ref, cur, prior, config)
-    near = refine_guess(ref, cur, prior.pose, config)
-    if is_trusted(ref, cur, prior, near, config):
-        return near
-    found = search(ref, cur, prior, config)
-    if not len(near.scores) or any(distance(near.poses[0], pose) < SAME for pose in found.poses):
-        return found
-    return Candidates(
-        poses=np.concatenate((found.poses, near.poses)),
-        scores=np.concatenate((found.scores, near.scores)),
-        n_tried=found.n_tried + 1,
-    )
-
-
-def refine_guess(ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose, config: CurvescanConfig) -> Candidates:
-    """Return the guess refined, or nothing where no reading agrees."""
-    images = (ref.image, cur.image)
-    near = refine(guess[np.newaxis], *images, config.refinement.quick_schedule)
-    near, scores = select(near, *images, *CLOSE, 1, 64, NEAR)
-    return Candidates(poses=near, scores=scores, n_tried=1)
-
-
-def is_trusted(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, near: Candidates, config: CurvescanConfig
-) -> bool:
-    """Return whether the refined guess is taken without a look at others.
-
-    It is when enough readings agree there, it lies where the prior has it, and both axes are fixed.
-    """
-    rules = config.information
-    return bool(
-        len(near.scores)
-        and near.scores[0] > config.scoring.guess_score
-        and prior.tells(near.poses[0])
-        and not len(
-            degenerate_hypotheses(
-                near.poses, ref.image, cur.image, config.hypotheses.along_step, 1, rules.degenerate_ratio
-            )
-        )
-    )
-
-
-def search(ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, config: CurvescanConfig) -> Candidates:
-    """Return the best poses of all that keypoints, directions of surfaces and the prior propose.
-
-    Where they find little support, and the best is not where the prior has it, the places where walls of both
-    scans coincide are tried as well.
-    """
-    effort = _effort(config)
-    poses, scores, rotated, n_tried = propose_widely(
-        prior.pose, ref.image, ref.keypoints, ref.directions, cur.image, cur.keypoints, cur.directions, effort
-    )
-    found = Candidates(poses=poses, scores=scores, n_tried=n_tried)
-    if not _is_doubtful(found, config) or _is_expected(found, prior, config):
-        return found
-    aligned = aligned_translations(
-        rotated, ref.image.samples, cur.image.samples, _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED
-    )
-    tried = np.concatenate((found.poses, aligned))
-    poses, scores = explore(tried, ref.image, cur.image, effort)
-    return Candidates(poses=poses, scores=scores, n_tried=len(tried))
-
-
-def _effort(config: CurvescanConfig) -> Effort:
-    steps = config.hypotheses
+def effort_of(config: CurvescanConfig) -> Effort:
+    """Return how widely poses are looked for."""
+    steps, scoring = config.hypotheses, config.scoring
     return Effort(
         config.refinement.quick_schedule,
         config.keypoints.min_turn,
@@ -149,6 +90,10 @@ def _effort(config: CurvescanConfig) -> Effort:
         steps.along_step,
         round(steps.along_reach / steps.along_step),
         config.information.degenerate_ratio,
+        scoring.doubtful_score,
+        scoring.guess_score,
+        _FEW_TRIED,
+        _CERTAIN_SCORE,
         (*ROUGH, *MOVED_ALONG, *CLOSE),
         (_N_KEPT, _N_KEPT + 1, 3),
         (6, 12, 64),
@@ -156,22 +101,78 @@ def _effort(config: CurvescanConfig) -> Effort:
 
 
 @kernel
-def propose_widely(
-    expected: Pose,
-    ref: RangeImage,
-    keypoints_ref: Floats,
-    directions_ref: Floats,
-    cur: RangeImage,
-    keypoints_cur: Floats,
-    directions_cur: Floats,
-    effort: Effort,
-) -> tuple[Floats, Floats, Floats, int]:
-    """Return the best poses that keypoints, directions and a prior propose, their scores, all turns, and how many."""
-    rotated = rotation_hypotheses(directions_ref, directions_cur, effort.n_rotations, expected)
-    pairs = pair_keypoints(keypoints_ref, keypoints_cur, ref, cur, effort.min_turn, effort.max_pairs)
+def propose(ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, effort: Effort) -> tuple[Floats, Floats, int]:
+    """Return the fields of Candidates: the expected pose alone where it is to be trusted, else what a search finds.
+
+    And the expected pose, where the search has none beside it.
+    """
+    if math.log1p(prior.gain) <= TOLD:
+        return search(ref, cur, prior, effort)
+    near, near_scores = refine_guess(ref.image, cur.image, prior, effort)
+    if is_trusted(ref.image, cur.image, prior, near, near_scores, effort):
+        return near, near_scores, near_scores.size
+    poses, scores, n_tried = search(ref, cur, prior, effort)
+    for k in range(scores.size):
+        if near_scores.size == 0 or distance(near[0], poses[k]) < SAME:
+            return poses, scores, n_tried
+    with_near = np.empty(scores.size + near_scores.size)
+    for k in range(with_near.size):
+        with_near[k] = scores[k] if k < scores.size else near_scores[k - scores.size]
+    return stack(poses, near), with_near, n_tried + 1
+
+
+@kernel
+def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort) -> tuple[Floats, Floats]:
+    """Return the pose of the prior, refined, and its score; none where no reading agrees."""
+    guess = np.empty((1, 3))
+    for k in range(3):
+        guess[0, k] = prior.pose[k]
+    close, close_slope = effort.tolerances[-2:]
+    return select(refine(guess, ref, cur, effort.sigmas), ref, cur, close, close_slope, 1, effort.n_first[2], NEAR)
+
+
+@kernel
+def is_trusted(ref: RangeImage, cur: RangeImage, prior: Prior, near: Floats, scores: Floats, effort: Effort) -> bool:
+    """Return whether the refined pose of the prior is taken without a look at others.
+
+    It is when enough readings agree there, it lies where the prior has it, and both axes are fixed.
+    """
+    if scores.size == 0 or scores[0] <= effort.guess_score or not tells(prior, near):
+        return False
+    moved_along = degenerate_hypotheses(near, ref, cur, effort.along_step, 1, effort.degenerate_ratio)
+    return bool(moved_along.shape[0] == 0)
+
+
+@kernel
+def search(ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, effort: Effort) -> tuple[Floats, Floats, int]:
+    """Return the best poses of all that keypoints, directions of surfaces and the prior propose, and their scores.
+
+    Where they find little support, and the best is not where the prior has it, the places where walls of both
+    scans coincide are tried as well. Last, how many were tried.
+    """
+    rotated = rotation_hypotheses(ref.directions, cur.directions, effort.n_rotations, prior.pose)
+    pairs = pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, effort.min_turn, effort.max_pairs)
     tried = stack(rotated, most_voted(pairs, effort.cell, 0.5 * effort.cell, effort.max_tried))
-    poses, scores = explore(tried, ref, cur, effort)
-    return poses, scores, rotated, tried.shape[0]
+    poses, scores = explore(tried, ref.image, cur.image, effort)
+    is_expected = scores.size > 0 and scores[0] > effort.doubtful_score and tells(prior, poses)
+    if is_expected or not is_doubtful(scores, tried.shape[0], effort):
+        return poses, scores, tried.shape[0]
+    aligned = aligned_translations(
+        rotated, ref.image.samples, cur.image.samples, _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED
+    )
+    tried = stack(poses, aligned)
+    poses, scores = explore(tried, ref.image, cur.image, effort)
+    return poses, scores, tried.shape[0]
+
+
+@kernel
+def is_doubtful(scores: Floats, n_tried: int, effort: Effort) -> bool:
+    """Return whether the best pose finds little support, or middling with few poses or a close competing hypothesis."""
+    if scores.size == 0 or scores[0] < effort.doubtful_score:
+        return True
+    if n_tried < effort.few_tried and scores[0] < effort.certain_score:
+        return True
+    return bool(scores.size > 1 and scores[1] > CONTESTED * scores[0] and scores[0] < effort.guess_score)
 
 
 @kernel
@@ -200,19 +201,3 @@ def explore(poses: Floats, ref: RangeImage, cur: RangeImage, effort: Effort) -> 
         chosen, _ = select(stack(quick, moved_along), ref, cur, moved, moved_slope, n_kept[1], n_first[1], NEAR)
         quick = refine(chosen, ref, cur, effort.sigmas)
     return select(quick, ref, cur, close, close_slope, n_kept[2], n_first[2], NEAR)
-
-
-def _is_expected(found: Candidates, prior: Prior, config: CurvescanConfig) -> bool:
-    """Return whether the best pose lies where the prior has it, and finds some support."""
-    return bool(len(found.scores) and found.scores[0] > config.scoring.doubtful_score and prior.tells(found.poses[0]))
-
-
-def _is_doubtful(found: Candidates, config: CurvescanConfig) -> bool:
-    """Return whether the best pose finds little support, or middling with few poses or a close competing hypothesis."""
-    scoring, scores = config.scoring, found.scores
-    if not len(scores) or scores[0] < scoring.doubtful_score:
-        return True
-    if found.n_tried < _FEW_TRIED and scores[0] < _CERTAIN_SCORE:
-        return True
-    is_contested = len(scores) > 1 and scores[1] > CONTESTED * scores[0]
-    return bool(is_contested and scores[0] < scoring.guess_score)
