@@ -1,10 +1,10 @@
-"""Whole floors with truth, odometry and SLAM: `python bench/floors.py [--kinds ACH] [--floors 20] [--first 0] [--wheels]`.
+"""Floors with truth, odometry and SLAM: `python bench/floors.py [--kinds ACH] [--floors 20] [--first 0] [--wheels]`.
 
 A: corridors 600 m long whose doors stand back by a hand, a laser of 1 deg and 2.5 Hz, about 1,000 m driven; H: the same
 with bare stretches. B: an office floor, two laps, the second the other way; C: the same seen 4 m far with 30 mm of
-noise; E: the same with three people around, furniture moved and doors closed between the laps. D: a hall of equal shelves and
-pillars. F: 36 rooms all alike on a ring. G: a flat, and a laser that spins while it drives. Wheels, if any, drift by
-2 to 5 % of the way and turn by 1 to 2 deg a metre.
+noise; E: the same with three people around, furniture moved and doors closed between the laps. D: a hall of equal
+shelves and pillars. F: 36 rooms all alike on a ring. G: a flat, and a laser that spins while it drives. Wheels, if any,
+drift by 2 to 5 % of the way and turn by 1 to 2 deg a metre.
 """
 
 from __future__ import annotations
@@ -56,7 +56,10 @@ _WRONG = 4.0
 
 
 def corridors(seed: int, bare: float) -> tuple[World, Points]:
-    """Return a grid of corridors around nine blocks, and the crossings of a drive; bare: the longest wall without a door, metres."""
+    """Return a grid of corridors around nine blocks, and the crossings of a drive.
+
+    bare: how long each wall has no door, metres.
+    """
     rng = np.random.default_rng([seed, 31])
     width = rng.uniform(1.8, 2.6)
     at = np.array([np.concatenate(([0.0], np.cumsum(rng.uniform(22.0, 28.0, 3)))) for _ in range(2)])
@@ -76,7 +79,10 @@ def corridors(seed: int, bare: float) -> tuple[World, Points]:
 
 
 def _block(x0: float, y0: float, x1: float, y1: float, inward: float, bare: float, rng: np.random.Generator) -> Floats:
-    """Return (n, 4) walls round a rectangle, counter-clockwise, with doors set back; inward 1: into the rectangle, -1: out of it."""
+    """Return (n, 4) walls round a rectangle, counter-clockwise, with doors set back.
+
+    inward: 1 into the rectangle, -1 out of it.
+    """
     corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
     line = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
@@ -97,7 +103,7 @@ def _block(x0: float, y0: float, x1: float, y1: float, inward: float, bare: floa
 
 
 def offices(seed: int) -> World:
-    """Return a floor of 40 by 30 m: a corridor all round, offices outside it and larger rooms inside, four fifths of the doors open."""
+    """Return a floor of 40 by 30 m: a corridor all round, offices outside it, larger rooms inside, most doors open."""
     rng = np.random.default_rng([seed, 35])
     length, deep, wide = rng.uniform(38.0, 42.0), rng.uniform(4.5, 5.5), rng.uniform(1.8, 2.4)
     core = 30.0 - 2.0 * (deep + wide)
