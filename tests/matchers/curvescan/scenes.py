@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 import curvescan as cs
+from curvescan.matchers.curvescan.assessment import confidence
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.features import extract_features
 from tests.scenes import room_ranges, room_scan
@@ -46,4 +47,10 @@ def pair(seed=0, motion=MOTION, **kwargs):
     return (features(pillar_scan(seed=2 * seed, **kwargs)), features(pillar_scan(motion, seed=2 * seed + 1, **kwargs)))
 
 
-__all__ = ["MOTION", "features", "pair", "pillar_scan", "room_scan", "turned"]
+def weigh(ref, cur, prior, poses, scores):
+    """What speaks for poses as they are, the best first."""
+    found = confidence.weigh(ref, cur, poses, prior, CurvescanConfig().scoring.margin)
+    return confidence.WeighedPoses(poses, np.array(scores), *found).best_first()
+
+
+__all__ = ["MOTION", "features", "pair", "pillar_scan", "room_scan", "turned", "weigh"]

@@ -9,7 +9,6 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose
-from curvescan.matchers.curvescan.assessment.confidence import weigh
 from curvescan.matchers.curvescan.assessment.evidence import BEYOND, SMALL
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.assessment.walls import extent
@@ -18,8 +17,8 @@ from curvescan.matchers.curvescan.disambiguation import is_in_box
 from curvescan.matchers.curvescan.features.features import extract_features
 from curvescan.matchers.curvescan.features.surfels import N_COLUMNS, X, Y
 from curvescan.matchers.curvescan.prior import WIDE, Prior
-from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.matchers.result import prior_of
+from tests.matchers.curvescan.scenes import weigh
 
 CONFIG = CurvescanConfig()
 
@@ -38,9 +37,9 @@ def in_box(size, motion, guess=None, **evidence):
     start = np.array([-0.1 * size, 0.05 * size, 0.4])
     end = cs.se2.compose(start, np.array(motion))
     ref, cur = (extract_features(box_scan(pose, size), CONFIG) for pose in (start, end))
-    problem = Problem(ref, cur, WIDE if guess is None else Prior.of(prior_of(None, guess)), CONFIG)
+    prior = WIDE if guess is None else Prior.of(prior_of(None, guess))
     poses = np.array([motion], dtype=np.float64)
-    weighed = weigh(problem, poses, np.array([0.8]))
+    weighed = weigh(ref, cur, prior, poses, [0.8])
     columns = {"beyond": BEYOND, "small": SMALL}
     for name, value in evidence.items():
         weighed = replace(weighed, evidence=weighed.evidence.copy())

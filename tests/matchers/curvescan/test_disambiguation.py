@@ -7,15 +7,15 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose, degenerate_directions
-from curvescan.matchers.curvescan.assessment.confidence import weigh
 from curvescan.matchers.curvescan.assessment.evidence import SMALL
 from curvescan.matchers.curvescan.assessment.support import Support
 from curvescan.matchers.curvescan.candidates import (
     competing_hypotheses,
     direction_of_walls,
     direction_to_search,
-    search_degenerate_direction,
-    top_candidates,
+    look_closer,
+    refine_candidates,
+    with_places_along,
 )
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import (
@@ -29,7 +29,7 @@ from curvescan.matchers.curvescan.proposal.search import Candidates, Problem
 from curvescan.matchers.result import prior_of
 from deceptive import deceptive_pairs
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
-from tests.matchers.curvescan.scenes import MOTION, features, pair
+from tests.matchers.curvescan.scenes import MOTION, features, pair, weigh
 
 CONFIG = CurvescanConfig()
 
@@ -45,11 +45,12 @@ def test_finalists_are_refined_and_the_far_off_left_out():
     found = Candidates(
         poses=np.array([MOTION + 0.02, MOTION + np.array([0.9, 0.9, 1.0])]), scores=np.array([0.8, 0.2]), n_tried=2
     )
-    poses, scores = top_candidates(ref, cur, found, CONFIG)
-    assert len(poses) == len(scores) == 1
+    problem = Problem(ref, cur, WIDE, CONFIG)
+    poses = refine_candidates(problem, found)[0].poses
+    assert len(poses) == 1
     assert np.abs(poses[0] - MOTION).max() < 0.005
     empty = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
-    assert len(top_candidates(ref, cur, empty, CONFIG)[0]) == 0
+    assert len(refine_candidates(problem, empty)[0].poses) == 0
 
 
 def test_a_room_leaves_nothing_open_and_a_corridor_its_length():
@@ -78,9 +79,10 @@ def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
 
 def test_a_fine_slide_stays_on_the_corridor():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    poses, scores = search_degenerate_direction(ref, cur, np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]), CONFIG)
-    assert len(poses) == len(scores) > 1
-    assert (np.diff(scores) <= 0).all()
+    along = with_places_along(ref, cur, np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]), CONFIG)
+    found = look_closer(Problem(ref, cur, WIDE, CONFIG), along)
+    poses = found.poses
+    assert len(poses) == len(found.scores) > 1
     assert np.ptp(poses[:, 0]) > 0.15
     assert np.abs(poses[:, 1]).max() < 0.02
     assert np.abs(poses[:, 2]).max() < 0.02
@@ -157,11 +159,11 @@ def test_along_one_long_wall_other_places_are_looked_at_but_where_a_guess_says_w
     assert abs(walls[0]) == pytest.approx(1.0, abs=1e-3)
     assert walls[2] == 0.0
     known = assessment._replace(information=np.array([1e5, 2e5, 1e6]))  # as if people fixed it
-    weighed = weigh(Problem(ref, cur, WIDE, CONFIG), pose, np.array([0.8]))
+    weighed = weigh(ref, cur, WIDE, pose, [0.8])
     weighed.evidence[0, SMALL] = 0.5  # people stand about
     assert weighed.is_one_way
     np.testing.assert_array_equal(direction_to_search(ref, known, weighed, CONFIG), walls)
-    guessed = weigh(Problem(ref, cur, Prior.of(prior_of(None, pose[0])), CONFIG), pose, np.array([0.8]))
+    guessed = weigh(ref, cur, Prior.of(prior_of(None, pose[0])), pose, [0.8])
     guessed.evidence[0, SMALL] = 0.5
     assert direction_to_search(ref, known, guessed, CONFIG) is None
     others = np.array([[0.4, 0.0, 0.0], [1.3, 0.0, 0.0], [0.4, 0.6, 0.0]])

@@ -19,6 +19,7 @@ from curvescan.matchers.curvescan.features.features import N_WIDE, CurvescanFeat
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, X, Y
+from curvescan.matchers.curvescan.prior import Prior
 from curvescan.matchers.curvescan.proposal.rotation_hypotheses import dominant_axis
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, FINE, select
 from curvescan.matchers.curvescan.proposal.search import CONTESTED, Candidates, Problem
@@ -28,7 +29,7 @@ from curvescan.types import Floats, Pose
 _N_TOP = 5  # poses that are judged beside one another, at most
 _FINE_STEP = 0.5 * SAME  # metres at the typical reading: steps in which the best place along a direction is looked for
 _MAX_TURN = 0.5  # radians: turns along it are tried up to this angle
-_FINISH = (*FINE, _N_TOP, 4096, SAME)
+_FINISH = (*FINE, _N_TOP, 4096, SAME, N_WIDE)
 
 
 def refine_candidates(problem: Problem, found: Candidates) -> tuple[WeighedPoses, Assessment | None]:
@@ -38,19 +39,17 @@ def refine_candidates(problem: Problem, found: Candidates) -> tuple[WeighedPoses
     pose finds enough support.
     """
     ref, cur, _, config = problem
-    poses, scores = top_candidates(ref, cur, found, config)
-    weighed = weigh(problem, poses, scores)
-    if not len(poses) or weighed.is_hopeless:
+    weighed = look_closer(problem, found.poses[found.scores > CONTESTED * found.scores[:1]])
+    if not len(weighed.poses) or weighed.is_hopeless:
         return weighed, None
     first = weighed
     assessment = assess_pose(ref, cur, first.poses[0], config)
     along = direction_to_search(ref, assessment, weighed, config)
     if along is not None:
-        poses, scores = search_degenerate_direction(ref, cur, weighed.poses, along, config)
-        weighed = weigh(problem, poses, scores)
+        weighed = look_closer(problem, with_places_along(ref, cur, weighed.poses, along, config))
     images = images_of(ref, assessment, weighed)
     if images:
-        weighed = weigh(problem, *_finish(ref, cur, np.array([*weighed.poses, *images]), config))
+        weighed = look_closer(problem, np.array([*weighed.poses, *images]))
     if weighed is not first and not np.array_equal(first.poses[0], weighed.poses[0]):
         assessment = assess_pose(ref, cur, weighed.poses[0], config)
     return weighed, assessment
@@ -97,53 +96,51 @@ def direction_of_walls(ref: CurvescanFeatures, assessment: Assessment) -> Pose:
     return np.array([-math.sin(facing), math.cos(facing), 0.0])
 
 
-def top_candidates(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, found: Candidates, config: CurvescanConfig
-) -> tuple[Floats, Floats]:
-    """Return the best pose and those that come near it, refined on all readings, best first, and their scores."""
-    if not len(found.scores):
-        return found.poses, found.scores
-    return _finish(ref, cur, found.poses[found.scores > CONTESTED * found.scores[0]], config)
-
-
-def search_degenerate_direction(
+def with_places_along(
     ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, weakest: Pose, config: CurvescanConfig
-) -> tuple[Floats, Floats]:
-    """Return the poses and the best of those along the weakest direction of the first, best first, and their scores."""
+) -> Floats:
+    """Return the poses, and the best of those along the weakest direction of the first."""
     n = round(config.hypotheses.along_reach / _FINE_STEP)
     offsets = np.arange(-n, n + 1) * _FINE_STEP
     moved_along = poses[0] + offsets[:, np.newaxis] * weakest
     moved_along = moved_along[np.abs(offsets * weakest[2]) < _MAX_TURN]
-    images = ref.wide_image, cur.wide_image
-    best, _ = select(moved_along, *images, *CLOSE, 4, 24, SAME)
-    return _finish(ref, cur, np.concatenate((poses, best)), config)
+    best, _ = select(moved_along, ref.wide_image, cur.wide_image, *CLOSE, 4, 24, SAME)
+    return np.concatenate((poses, best))
 
 
-def _finish(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig
-) -> tuple[Floats, Floats]:
-    return finish(poses, ref.image, cur.image, N_WIDE, config.refinement.closer_schedule, EXACTLY, _FINISH)
+def look_closer(problem: Problem, poses: Floats) -> WeighedPoses:
+    """Return poses refined on all readings, and what speaks for each, the best first."""
+    ref, cur, prior, config = problem
+    closer, margin = config.refinement.closer_schedule, config.scoring.margin
+    return WeighedPoses(*refine_and_weigh(poses, ref, cur, prior, (closer, EXACTLY), margin, _FINISH)).best_first()
 
 
 @kernel
-def finish(
+def refine_and_weigh(
     poses: Floats,
-    ref: RangeImage,
-    cur: RangeImage,
-    n_wide: int,
-    closer: Floats,
-    full: Floats,
-    limits: tuple[float, float, int, int, float],
-) -> tuple[Floats, Floats]:
-    """Return poses refined on all readings, best first, and their scores; limits: the arguments of `select`."""
-    all_ref = RangeImage(ref.surfels, ref.surfels, ref.azimuth, ref.table)
-    all_cur = RangeImage(cur.surfels, cur.surfels, cur.azimuth, cur.table)
-    final = refine(refine(poses, ref, cur, closer), all_ref, all_cur, full)
-    if len(poses) > 1:  # one pose has only to be enough; several are compared on more samples
-        ref = RangeImage(choose_samples(ref.surfels, n_wide), ref.surfels, ref.azimuth, ref.table)
-        cur = RangeImage(choose_samples(cur.surfels, n_wide), cur.surfels, cur.azimuth, cur.table)
-    tolerance, slope, n_kept, n_first, min_difference = limits
-    return select(final, ref, cur, tolerance, slope, n_kept, n_first, min_difference)
+    ref: CurvescanFeatures,
+    cur: CurvescanFeatures,
+    prior: Prior,
+    schedules: tuple[Floats, Floats],
+    margin: float,
+    limits: tuple[float, float, int, int, float, int],
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Return the fields of WeighedPoses, of poses refined on all readings.
+
+    schedules: on the samples and on all readings; limits: the arguments of `select`, and the samples on which several
+    poses are compared. One has only to be enough.
+    """
+    one, other = ref.image, cur.image
+    all_one = RangeImage(one.surfels, one.surfels, one.azimuth, one.table)
+    all_other = RangeImage(other.surfels, other.surfels, other.azimuth, other.table)
+    tolerance, slope, n_kept, n_first, min_difference, n_wide = limits
+    final = refine(refine(poses, one, other, schedules[0]), all_one, all_other, schedules[1])
+    if len(poses) > 1:
+        one = RangeImage(choose_samples(one.surfels, n_wide), one.surfels, one.azimuth, one.table)
+        other = RangeImage(choose_samples(other.surfels, n_wide), other.surfels, other.azimuth, other.table)
+    final, scores = select(final, one, other, tolerance, slope, n_kept, n_first, min_difference)
+    evidence, priors, wide_priors = weigh(ref, cur, final, prior, margin)
+    return final, scores, evidence, priors, wide_priors
 
 
 def competing_hypotheses(scores: Floats) -> list[int]:

@@ -14,7 +14,6 @@ from curvescan.matchers.curvescan.assessment.confidence import (
     RIVAL_COEFFICIENTS,
     WeighedPoses,
     terms_of,
-    weigh,
 )
 from curvescan.matchers.curvescan.assessment.evidence import (
     AGREEING,
@@ -31,9 +30,8 @@ from curvescan.matchers.curvescan.assessment.evidence import (
 from curvescan.matchers.curvescan.assessment.support import support_of
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.prior import WIDE, Prior
-from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.matchers.result import prior_of
-from tests.matchers.curvescan.scenes import MOTION, pair
+from tests.matchers.curvescan.scenes import MOTION, pair, weigh
 from tests.reference import curvescan as slow
 
 CONFIG = CurvescanConfig()
@@ -258,7 +256,7 @@ def test_a_pose_is_as_likely_within_half_of_the_log_odds():
 def test_a_room_with_pillars_is_explained_by_its_pose_alone():
     ref, cur = pair()
     turned = MOTION + np.array([0.0, 0.0, np.pi / 2])
-    found = weigh(Problem(ref, cur, WIDE, CONFIG), np.array([turned, MOTION]), np.array([0.1, 0.9]))
+    found = weigh(ref, cur, WIDE, np.array([turned, MOTION]), [0.1, 0.9])
     np.testing.assert_array_equal(found.poses, [MOTION, turned])  # the likeliest first
     np.testing.assert_array_equal(found.scores, [0.9, 0.1])
     support = support_of(found, [1], False)
@@ -272,7 +270,7 @@ def test_the_prior_weighs_by_its_covariance():
 
     def weighed(off, scale):
         prior = Prior.of(prior_of(None, MOTION + off)._replace(covariance=scale * prior_of(None, MOTION).covariance))
-        return weigh(Problem(ref, cur, prior, CONFIG), MOTION[np.newaxis], np.array([0.9]))
+        return weigh(ref, cur, prior, MOTION[np.newaxis], [0.9])
 
     near = [weighed(0.0, scale) for scale in (0.1, 1.0, 10.0)]
     assert near[0].log_odds(0) > near[1].log_odds(0) > near[2].log_odds(0)

@@ -30,9 +30,9 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     gather_evidence,
 )
 from curvescan.matchers.curvescan.config import SAME
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference
-from curvescan.matchers.curvescan.prior import TOLD
-from curvescan.matchers.curvescan.proposal.search import Problem
+from curvescan.matchers.curvescan.prior import TOLD, Prior, log_odds
 from curvescan.types import Floats
 
 # Metres of surface that are more than chance: a room is bare where less agrees beyond its four walls; people, who hide
@@ -102,6 +102,16 @@ class WeighedPoses:
     evidence: Floats  # (k, N_EVIDENCE): what the surfaces say; columns of evidence.py
     priors: Floats  # (k,): log odds of each by what was known before
     wide_priors: Floats  # (k,): the same if that was wrong
+
+    def best_first(self) -> WeighedPoses:
+        """Return the poses in order, the best first; of those that the scans do not distinguish the likeliest."""
+        n = len(self.poses)
+        if n < 2:
+            return self
+        weighed = self.rows(sorted(range(n), key=lambda k: -self.rank(k)))
+        alike = [0, *(k for k in range(1, n) if weighed.repetition(k) > MAX_REPETITION)]
+        best = max(alike, key=weighed.log_odds)
+        return weighed.rows([best, *(k for k in range(n) if k != best)])
 
     def rows(self, order: list[int]) -> WeighedPoses:
         """Return the poses in another order."""
@@ -275,14 +285,10 @@ def terms_of(evidence: Floats, priors: Floats, wide_priors: Floats) -> Floats:
     return terms
 
 
-def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
-    """Return poses with their evidence, the best first; of those that the scans do not distinguish the likeliest."""
-    ref, cur, prior, config = problem
-    evidence = gather_evidence(ref, cur, poses, config.scoring.margin)
-    weighed = WeighedPoses(poses, scores, evidence, *prior.log_odds(poses))
-    if len(poses) < 2:
-        return weighed
-    weighed = weighed.rows(sorted(range(len(poses)), key=lambda k: -weighed.rank(k)))
-    alike = [0, *(k for k in range(1, len(poses)) if weighed.repetition(k) > MAX_REPETITION)]
-    best = max(alike, key=weighed.log_odds)
-    return weighed.rows([best, *(k for k in range(len(poses)) if k != best)])
+@kernel
+def weigh(
+    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, prior: Prior, margin: float
+) -> tuple[Floats, Floats, Floats]:
+    """Return what speaks for poses: the fields of WeighedPoses but for poses and scores; margin as in ScoringConfig."""
+    priors, wide_priors = log_odds(poses, prior)
+    return gather_evidence(ref, cur, poses, margin), priors, wide_priors

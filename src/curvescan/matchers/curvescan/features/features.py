@@ -11,13 +11,7 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.keypoints import find_corners, with_ends
 from curvescan.matchers.curvescan.features.objects import Objects, find_objects
-from curvescan.matchers.curvescan.features.range_image import (
-    SIGMA,
-    RangeImage,
-    azimuth_table,
-    bearing,
-    uneven_azimuth_table,
-)
+from curvescan.matchers.curvescan.features.range_image import RangeImage, azimuth_table, bearing, uneven_azimuth_table
 from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, fit_lines, fit_surfels
@@ -47,11 +41,6 @@ class CurvescanFeatures(NamedTuple):
     directions: Floats  # (120,): length of surface that faces each direction
 
     @property
-    def sigma(self) -> float:
-        """Range noise of the scan, metres."""
-        return float(self.image.azimuth[SIGMA])
-
-    @property
     def wide_image(self) -> RangeImage:
         """The image with more samples, to compare poses that are nearly as good as each other."""
         return self.image._replace(samples=choose_samples(self.image.surfels, N_WIDE))
@@ -61,11 +50,6 @@ class CurvescanFeatures(NamedTuple):
         """The image with all readings as samples."""
         return self.image._replace(samples=self.image.surfels)
 
-    @property
-    def points(self) -> Floats:
-        """(m, 2) readings, metres, sensor frame."""
-        return self.image.surfels[:, :2]
-
 
 def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatures:
     """Return the features of a scan, also of one without a valid reading."""
@@ -74,7 +58,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
     segments, keypoints = config.segments, config.keypoints
     angles = scan.angles[:0] if is_even else scan.angles
     n_slots = 0 if not is_even else max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
-    beam_idx, bounds, surfels, sigma, corners, few, label, is_free, is_small, directions, table = extract(
+    beam_idx, bounds, surfels, corners, few, label, is_free, is_small, directions, table = extract(
         Sweep(scan.ranges, scan.directions, scan.valid, angles, step, is_clockwise, is_closed),
         (segments.incidence_limit, segments.jump, segments.arm, segments.range_sigma_min),
         keypoints.arm_lengths,
@@ -87,7 +71,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
     else:
         angle_min = float(scan.angles[-1 if is_clockwise else 0])
         table, density = uneven_azimuth_table(beam_idx, scan.angles, step, is_closed)
-    azimuth = np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma, density * step])
+    azimuth = np.array([math.remainder(angle_min, 2.0 * math.pi), density, density * step])
     return CurvescanFeatures(
         n_beams=n,
         beam_idx=beam_idx,
@@ -106,8 +90,8 @@ def extract(
     arms: Floats,
     min_turn: float,
     counts: tuple[int, int, int],
-) -> tuple[Ints, Ints, Floats, float, Floats, Floats, Ints, Bools, Bools, Floats, Ints]:
-    """Return beams, bounds, surfels, range noise, keypoints, samples, objects, directions and azimuths.
+) -> tuple[Ints, Ints, Floats, Floats, Floats, Ints, Bools, Bools, Floats, Ints]:
+    """Return beams, bounds, surfels, keypoints, samples, objects, directions and azimuths.
 
     What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
     depends on the noise, which is estimated from the lines: where it is large, segments and lines are found anew with
@@ -131,7 +115,7 @@ def extract(
     table = azimuth_table(beam_idx, sweep.ranges.size, n_slots, sweep.is_clockwise, sweep.is_closed)
     label, is_free, is_small = find_objects(surfels, bounds)
     directions = direction_histogram(surfels)
-    return beam_idx, bounds, surfels, sigma, keypoints, samples, label, is_free, is_small, directions, table
+    return beam_idx, bounds, surfels, keypoints, samples, label, is_free, is_small, directions, table
 
 
 @kernel

@@ -16,13 +16,13 @@ class RangeImage(NamedTuple):
 
     samples: Floats  # (p, 11): surfels that are compared with the other scan: a few that stand for all, or all
     surfels: Floats  # (m, 11): surfels that the other scan is compared with: all
-    # (4,): direction of slot 0 of the table, radians in (-pi, pi], slots a radian, range noise, metres, slots between
-    # neighbouring beams: AZIMUTH_MIN to SLOTS_A_BEAM
+    # (3,): direction of slot 0 of the table, radians in (-pi, pi], slots a radian, slots between neighbouring beams:
+    # AZIMUTH_MIN to SLOTS_A_BEAM
     azimuth: Floats
     table: Ints  # (n_slots,): reading in each direction, see :func:`azimuth_table`
 
 
-AZIMUTH_MIN, SLOTS_A_RADIAN, SIGMA, SLOTS_A_BEAM = range(4)  # columns of `azimuth`
+AZIMUTH_MIN, SLOTS_A_RADIAN, SLOTS_A_BEAM = range(3)  # columns of `azimuth`
 # Slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step.
 _SLOTS_A_STEP = 4
 _MAX_SLOTS = 1 << 16
