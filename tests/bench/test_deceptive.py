@@ -16,8 +16,6 @@ MOST_DECEIVED = {
     "turned away, office": 2,
     "turned away, doors": 3,
     "small room": 1,
-    "pillars, 180 deg": 1,
-    "pillars, 360 deg": 2,
     "elevator": 1,
     "elevator, 180 deg": 1,
 }

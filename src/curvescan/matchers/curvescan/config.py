@@ -68,9 +68,9 @@ class SegmentsConfig:
 class KeypointsConfig:
     """Keypoints: corners and ends of surfaces."""
 
-    arms: tuple[float, ...] = (ARM, 0.25)
-    """Lengths over which a surface is taken to turn, metres, ascending: furniture, and door frames and walls. The
-    middle one, or of two the longer, decides the direction of a surface at its end."""
+    arms: tuple[float, ...] = (ARM, 0.25, 0.5)
+    """Lengths over which a surface is taken to turn, metres, ascending: furniture, door frames, walls. The middle one
+    decides the direction of a surface at its end."""
     min_turn: float = 0.4
     """Least turn of a corner, and by how much those of two may differ that are the same, radians."""
     max_keypoints: int = 96
@@ -93,7 +93,7 @@ class HypothesesConfig:
 
     cell: float = NEAR
     """Poses in a cell of this width vote for each other, metres; half as many radians wide."""
-    max_tried: int = 64
+    max_tried: int = 96
     """Most voted poses that are tried."""
     n_rotations: int = 4
     """Rotations taken from the directions of all surfaces."""
