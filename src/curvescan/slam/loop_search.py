@@ -19,8 +19,8 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.loops.agreement import best_group, log_odds_of
-from curvescan.slam.loops.audit import N_NEAR, REOPENS, Contradiction, contradictions, groups_against
+from curvescan.slam.loops.agreement import MOST_LOG_ODDS, best_group, log_odds_of
+from curvescan.slam.loops.audit import N_NEAR, Contradiction, contradictions, groups_against
 from curvescan.slam.loops.closures import SIGMAS, Closure, ClosureOutcome, closure_of, is_certain, is_loop, is_near
 from curvescan.slam.loops.overlap import foretold_overlap
 from curvescan.slam.loops.place_index import Signature
@@ -141,9 +141,12 @@ class LoopSearch:
         return set(map(tuple, graph.ends[chosen].tolist()))
 
     def reopen(self, audited: list[tuple[list[Closure], float]]) -> bool:
-        """Accept what contradicts the map and leads by more than a sure match says; return whether any of it is new."""
-        tied = self._edges(is_followed=False)
-        new = [one for group, lead in audited if lead > REOPENS for one in group if (one.i, one.j) not in tied]
+        """Accept what contradicts the map by matches that say all they can together; return whether any of it is new.
+
+        By less false ones lead as well: a map that is right would be bent for good.
+        """
+        tied, least = self._edges(is_followed=False), MOST_LOG_ODDS - self.config.closures.log_odds
+        new = [one for group, lead in audited if lead > least for one in group if (one.i, one.j) not in tied]
         for one in new:
             self._accept(replace(one, outcome=ClosureOutcome.AGREED))
         return len(new) > 0

@@ -13,7 +13,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.agreement import agreements, largest_clique
-from curvescan.slam.loops.closures import MOST_ODDS, Closure, difference, expectation_of
+from curvescan.slam.loops.closures import Closure, difference, expectation_of
 from curvescan.slam.loops.cycles import Chain
 from curvescan.types import Floats, Ints, Pose
 
@@ -22,9 +22,6 @@ _N_KEYFRAMES = 5
 
 _SURE = 0.9
 """Confidence from which on a match may contradict the finished map: right in 99.9 %."""
-
-REOPENS = MOST_ODDS
-"""A set reopens the map if its odds lead by more: where the map is right, false ones lead by up to 3.9."""
 
 N_NEAR = 20
 """Keyframes between closures that may speak for or against each other."""

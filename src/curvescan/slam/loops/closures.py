@@ -31,7 +31,7 @@ _OPEN = 100.0
 _ERROR_AFAR = 0.03
 """Share of the distance by which views from afar err, more than they say: 0.1 to 0.2 m at 3 to 5 m on Killian."""
 
-MOST_ODDS = math.log(99.0)
+_MOST_ODDS = math.log(99.0)
 """Most that one match says for itself: of matches of a confidence of 0.99 one in a hundred is wrong."""
 
 _ANYWHERE_M = 10.0
@@ -159,7 +159,7 @@ def closure_of(
 def log_odds(closure: Closure) -> float:
     """Return the log odds of a match by its confidence; even ones where the matcher gives none."""
     p = 0.5 if math.isnan(closure.confidence) else closure.confidence
-    return min(math.log(max(p, 1e-6) / max(1.0 - p, 1e-6)), MOST_ODDS)
+    return min(math.log(max(p, 1e-6) / max(1.0 - p, 1e-6)), _MOST_ODDS)
 
 
 def difference(one: Pose, other: Pose) -> Pose:
