@@ -153,10 +153,10 @@ NAMED = (
         "odometry/test_gating.py",
     ),
     _named(
-        "the old velocity goes on after a match that nobody expected",
+        "the motion that a match found is not expected next",
         "odometry/motion_model.py",
-        "last = motion if is_plausible else identity()",
-        "last = motion if is_plausible else self.last",
+        "moved=moved, last=motion, n_failures=0",
+        "moved=moved, last=self.last, n_failures=0",
     ),
     _named(
         "closures are accepted alone where the graph is vague",

@@ -69,7 +69,7 @@ class WorkerProcess:
         """Give a pickled job or a task, and return the reply; None when the process has ended."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        with suppress(EOFError, OSError, pickle.UnpicklingError):
+        with suppress(EOFError, OSError, ValueError, pickle.UnpicklingError):
             self._process.stdin.write(pickle.dumps(message))
             self._process.stdin.flush()
             reply: Reply = pickle.load(self._process.stdout)
