@@ -93,6 +93,11 @@ def test_what_no_match_shows_is_expected_less_surely_with_each_step():
     assert (np.diff(sigmas) > 0.009).all()
 
 
+def test_the_motion_that_was_found_is_expected_next_however_it_leaps():
+    leap = UncertainPose(np.array([2.0, 0.0, 1.0]), SEEN.cov)
+    np.testing.assert_array_equal(updated(steady(), 0.1, leap).predict(0.2, None).motion.pose, leap.pose)
+
+
 def test_failures_repeat_the_motion_only_so_often():
     model = steady(MotionConfig(max_repeats=2))
     exhausted = []

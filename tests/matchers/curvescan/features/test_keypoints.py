@@ -24,7 +24,7 @@ def test_the_corners_of_a_room_are_found_with_their_turn():
         assert at.any()
         # seen from inside, counter-clockwise, the wall turns left by a right angle
         np.testing.assert_allclose(keypoints[at, 3], math.pi / 2, atol=0.05)
-    is_wide = (keypoints[:, 4] == 1) & (np.abs(keypoints[:, 0] - 3.0) < 0.02)
+    is_wide = (keypoints[:, 4] == 2) & (np.abs(keypoints[:, 0] - 3.0) < 0.02)
     np.testing.assert_allclose(np.sort(keypoints[is_wide, 2]), [math.pi / 4, 3 * math.pi / 4], atol=0.03)
 
 

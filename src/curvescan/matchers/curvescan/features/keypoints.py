@@ -1,4 +1,4 @@
-"""Oriented keypoints: characteristic points at some arm lengths, and ends of surfaces, for hypotheses.
+"""Oriented keypoints: characteristic points at three arm lengths, and ends of surfaces, for hypotheses.
 
 A characteristic point is where a surface turns, as in CF-SMA (eq. 7), but measured between the two lines
 that leave it with arms of a fixed length, so that noise at close range makes no corners. It carries a

@@ -1,0 +1,25 @@
+"""Whole floors with truth: what the odometry keeps at the corners of corridors."""
+
+from __future__ import annotations
+
+import pytest
+
+from curvescan.odometry import Odometry, StepOutcome
+from curvescan.odometry.measurement import Matching
+from floors import recorded
+
+
+def outcomes_at_a_corner():
+    """Outcomes of the scans before and in a turn of the drive, which begins from one scan to the next."""
+    log, _ = recorded("A", 100, has_wheels=False)
+    odometry = Odometry()
+    return {odometry.add(scan).outcome for scan in log.scans[1440:1520]}
+
+
+def test_a_robot_that_begins_to_turn_is_not_lost():
+    assert StepOutcome.LOST not in outcomes_at_a_corner()
+
+
+def test_it_would_be_lost_by_matches_near_the_expected_motion_alone(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(Matching, "match_around", Matching.match)
+    assert StepOutcome.LOST in outcomes_at_a_corner()
