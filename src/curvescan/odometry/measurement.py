@@ -31,6 +31,9 @@ _NEAR = 0.3
 """Metres along an open direction from which on a pose was compared where the sensor is not: so far from there the
 expectation may be."""
 
+_AS_GOOD = 0.1
+"""Matches whose scores differ by less explain as much of the scans."""
+
 _VAGUE_SIGMA = 0.08
 """Standard deviation of what is expected along a degenerate direction from which on the scans are matched without a
 guess, metres: below it they say nothing new, and what they say again and again of one keyframe errs alike."""
@@ -141,13 +144,12 @@ class Matching:
         repeated = compose(origin, prediction.repeated)
         alone = self._gated(reference, current, repeated).made_without(expected, motion)
         is_sure = alone.is_fully_observed and alone.is_plausible
-        if is_sure and not (alone.is_prior_rejected and alone.result.is_guess_decisive):
+        if is_sure and not alone.is_prior_rejected:
             return alone
         guided = self._gated(reference, current, expected, repeated)
-        if is_sure:
-            # only the guess decided it: another one that is expected, too, must explain more
-            is_better = guided.is_better_than(alone, 1.0) and not guided.is_prior_rejected
-            return guided if is_better else alone
+        if is_sure and guided.result.ok and guided.is_plausible and not guided.is_prior_rejected:
+            # people who walk along hide the motion, wheels that slip do not: a match explains much less there
+            return guided if guided.result.score > alone.result.score - _AS_GOOD else alone
         return alone if alone.is_better_than(guided, min_score) else guided
 
     def match_around(

@@ -28,6 +28,10 @@ _MAX_STRETCH = 20
 _LEAST_NOISE, _MOST_NOISE = 0.1, 100.0
 """Limits of the variance of another odometry, in those of the configuration."""
 
+_MOST_LEARNED = 4.0
+"""Most that one error adds, squared and in its variance: a slip is not a habit, nor are matches with people who walk
+along."""
+
 _MOVING = 3
 """Wheels that report the very pose of the scan before, after a motion longer than this many times the least change
 that is expected, were not updated."""
@@ -191,7 +195,7 @@ class MotionModel:
     def _learned_noise(self, prediction: Prediction, motion: Pose) -> tuple[float, float]:
         """Return the noise of the other odometry after one more error of it."""
         x, y, theta = se2.between(prediction.motion.pose, motion).tolist()
-        cov, most = prediction.motion.cov, self.config.motion_gate_chi2  # one slip is not a habit
+        cov, most = prediction.motion.cov, _MOST_LEARNED
         errors = (0.5 * (x * x + y * y) / cov[0, 0], theta * theta / cov[2, 2])
         translation, turn = (
             old * (1.0 + (min(error, most) - 1.0) / self.config.memory)
