@@ -31,6 +31,9 @@ _NEAR = 0.3
 """Metres along an open direction from which on a pose was compared where the sensor is not: so far from there the
 expectation may be."""
 
+_UNEXPECTED = 4.0
+"""Log odds by which a pose elsewhere must be likelier than one where the motion leads."""
+
 _AS_GOOD = 0.1
 """Matches whose scores differ by less explain as much of the scans."""
 
@@ -215,29 +218,43 @@ def unguided_measurement(result: MatchResult) -> UncertainPose | None:
 
 
 def decided_by_expectation(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> MatchResult:
-    """Return a match that failed as a good one where its best pose explains the scans and lies where expected.
+    """Return a match as that of its likeliest pose where it was expected, unless one elsewhere is far likelier.
 
-    Without a guess such a pose would be one of several, or chance. Of scans of one place in a row it is right.
+    Without a guess such a pose would be one of several, or chance. Of scans of one place in a row it is right: what
+    moves along with a sensor, or against it, explains them elsewhere.
     """
-    if result.ok or not result.candidates or not result.score >= config.expected_score:
+    if not result.candidates or not result.score >= config.expected_score:
+        return result
+    if result.ok and fuse(expected, as_measurement(result))[1] <= config.motion_gate_chi2:
         return result
     best = result.candidates[0]
-    direction, near = best.degenerate_direction, best.covariance
-    if _n_known(best) < 3 - (direction is not None):
-        return result
-    if direction is not None and _n_known(best) < 3:
+    for k, one in enumerate(result.candidates):
+        if k > 0 and one.log_odds < max(best.log_odds - _UNEXPECTED, 0.0):
+            break
+        if not (result.ok and k == 0) and _lies_near(one, expected, config):
+            others = np.array([c.log_odds for c in result.candidates if c is not one])
+            nothing = math.exp(-one.log_odds) + np.exp(others - _UNEXPECTED - one.log_odds).sum()
+            return replace(
+                result,
+                outcome=Outcome.MATCHED,
+                pose=one.pose,
+                covariance=one.covariance,
+                n_matched=one.n_matched,
+                degenerate_direction=one.degenerate_direction,
+                score=result.score * min(one.n_matched / max(best.n_matched, 1), 1.0),
+                confidence=1.0 / (1.0 + nothing),
+            )
+    return result
+
+
+def _lies_near(one: Candidate, expected: UncertainPose, config: MotionConfig) -> bool:
+    """Return whether a pose that may be right lies where it was expected."""
+    direction, near = one.degenerate_direction, one.covariance
+    if _n_known(one) < 3 - (direction is not None):
+        return False
+    if direction is not None and _n_known(one) < 3:
         near = near - (1.0 - _NEAR**2) * np.outer(direction, direction)
-    if fuse(expected, UncertainPose(best.pose, near))[1] > config.motion_gate_chi2:
-        return result
-    return replace(
-        result,
-        outcome=Outcome.MATCHED,
-        pose=best.pose,
-        covariance=best.covariance,
-        n_matched=best.n_matched,
-        degenerate_direction=direction,
-        confidence=1.0 / (1.0 + math.exp(-log_odds_of_best(result))),
-    )
+    return fuse(expected, UncertainPose(one.pose, near))[1] <= config.motion_gate_chi2
 
 
 def log_odds_of_best(result: MatchResult) -> float:
