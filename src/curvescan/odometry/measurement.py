@@ -34,9 +34,6 @@ expectation may be."""
 _UNEXPECTED = 4.0
 """Log odds by which a pose elsewhere must be likelier than one where the motion leads."""
 
-_AS_GOOD = 0.1
-"""Matches whose scores differ by less explain as much of the scans."""
-
 _VAGUE_SIGMA = 0.08
 """Standard deviation of what is expected along a degenerate direction from which on the scans are matched without a
 guess, metres: below it they say nothing new, and what they say again and again of one keyframe errs alike."""
@@ -150,9 +147,9 @@ class Matching:
         if is_sure and not alone.is_prior_rejected:
             return alone
         guided = self._gated(reference, current, expected, repeated)
-        if is_sure and guided.result.ok and guided.is_plausible and not guided.is_prior_rejected:
-            # people who walk along hide the motion, wheels that slip do not: a match explains much less there
-            return guided if guided.result.score > alone.result.score - _AS_GOOD else alone
+        if is_sure:
+            is_likely = guided.result.ok and guided.is_plausible and not guided.is_prior_rejected
+            return guided if is_likely else alone
         return alone if alone.is_better_than(guided, min_score) else guided
 
     def match_around(
