@@ -34,7 +34,7 @@ def excess_lengths(surfels: Floats, codes: Codes) -> tuple[float, float]:
         n += codes[i] == INLIER and surfels[i, LENGTH] > 0.0
     stride = max(n // _N_TAKEN, 1)
     lines = np.empty((_N_LINE, n // stride + 1))
-    count, seen, total = 0, 0, 0.0
+    count, seen, total = n - n, 0, 0.0  # not the constant 0, compiled for apart
     for i in range(codes.size):
         if codes[i] != INLIER or surfels[i, LENGTH] <= 0.0:
             continue

@@ -106,7 +106,7 @@ def score_pose(
     placed_ref, placed_cur = placed
     project_into(placed_ref, samples_ref, back, cur)
     project_into(placed_cur, samples_cur, there, ref)
-    low, high, score, rate, prospect = n_first - n_first, n_first, 0.0, 0.0, 1.0  # not the constant 0: see explore
+    low, high, score, rate, prospect = n_first - n_first, n_first, 0.0, 0.0, 1.0  # not the constant 0, compiled for apart
     while low < max(n_ref, n_cur) and rate >= least - prospect:
         score += score_samples(samples_cur, placed_cur, low, high, ref, there, tolerance, slope)
         score += score_samples(samples_ref, placed_ref, low, high, cur, back, tolerance, slope)

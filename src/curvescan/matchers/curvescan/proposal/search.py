@@ -128,7 +128,8 @@ def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort)
     for k in range(3):
         guess[0, k] = prior.pose[k]
     close, close_slope = effort.tolerances[-2:]
-    return select(refine(guess, ref, cur, effort.sigmas), ref, cur, close, close_slope, 1, effort.n_first[2], NEAR)
+    refined, n_kept = refine(guess, ref, cur, effort.sigmas), len(guess)  # not the constant 1, compiled for apart
+    return select(refined, ref, cur, close, close_slope, n_kept, effort.n_first[2], NEAR)
 
 
 @kernel
@@ -139,7 +140,7 @@ def is_trusted(ref: RangeImage, cur: RangeImage, prior: Prior, near: Floats, sco
     """
     if scores.size == 0 or scores[0] <= effort.guess_score or not tells(prior, near):
         return False
-    moved_along = degenerate_hypotheses(near, ref, cur, effort.along_step, 1, effort.degenerate_ratio)
+    moved_along = degenerate_hypotheses(near, ref, cur, effort.along_step, len(near), effort.degenerate_ratio)
     return bool(moved_along.shape[0] == 0)
 
 
