@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, IN_FRONT, INLIER, agreeing_limits
 from curvescan.matchers.curvescan.assessment.walls import excess_lengths
 from curvescan.matchers.curvescan.association import (
@@ -102,7 +102,7 @@ def add_evidence(
     return n_misfits
 
 
-@kernel
+@inlined
 def is_parallel(surfels: Floats, i: int, motion: Motion, surfels_other: Floats, j: int) -> bool:
     """Return whether a reading, moved, faces as one of the other scan does."""
     nx, ny = surfels[i, NX], surfels[i, NY]
@@ -110,7 +110,7 @@ def is_parallel(surfels: Floats, i: int, motion: Motion, surfels_other: Floats, 
     return bool(x * surfels_other[j, NX] + y * surfels_other[j, NY] > PARALLEL)
 
 
-@kernel
+@inlined
 def large_length(surfels: Floats, bounds: Ints, codes: Codes) -> float:
     """Return the length of surface seen through in runs longer than 0.5 m, metres."""
     large = 0.0
