@@ -18,6 +18,7 @@ import numpy as np
 import curvescan as cs
 from closures import FALSE_M, FALSE_RAD
 from curvescan import se2
+from curvescan.deskew import middle_of_sweep
 from curvescan.evaluation.trajectory_errors import ate
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -230,7 +231,7 @@ def _beyond(outer: Points, wide: float) -> Floats:
 
 
 def recorded(kind: str, seed: int, *, has_wheels: bool) -> tuple[MemoryLog, Pose]:
-    """Return the log of a floor, and (n, 3) its true poses."""
+    """Return the log of a floor, and (n, 3) its true poses, each in the middle of a sweep."""
     sensor = _SENSORS[kind]
     if kind in "AH":
         world, way = corridors(seed, bare=20.0 if kind == "H" else 0.0)
@@ -260,6 +261,9 @@ def recorded(kind: str, seed: int, *, has_wheels: bool) -> tuple[MemoryLog, Pose
     truth = np.concatenate([poses for _, poses, _ in laps])
     stamps = np.array([scan.stamp for scan in scans])
     wheels = Trajectory(stamps=stamps, poses=_drifting(truth, seed)) if has_wheels else None
+    onward = se2.log(se2.between(truth[:-1], truth[1:]))
+    by_middle = middle_of_sweep(scans[0]) / sensor.period * np.concatenate((onward, onward[-1:]))
+    truth = se2.compose(truth, se2.exp(by_middle))
     return MemoryLog(scans=tuple(scans), odometry=wheels, name=f"{kind} {seed}"), truth
 
 

@@ -139,17 +139,45 @@ def test_wheels_that_fail_for_a_scan_are_done_without():
 
 
 def test_the_noise_of_wheels_is_learnt_from_what_the_matches_measure():
-    """Wheels that slip by 5 cm at each step, and wheels that measure exactly."""
+    """Wheels that slip by 5 cm at each step, to and fro, and wheels that measure exactly."""
     for slip, is_worse in ((0.05, True), (0.0, False)):
         model, pose = steady(), np.zeros(3)
         for k in range(60):
-            pose = pose + np.array([SEEN.pose[0] + slip, 0.0, 0.0])
+            pose = pose + np.array([SEEN.pose[0] + (-1) ** k * slip, 0.0, 0.0])
             straight = UncertainPose(np.array([SEEN.pose[0], 0.0, 0.0]), SEEN.cov)
             model = updated(model, 0.1 * k, straight, odometry_pose=pose)
         cov = model.predict(6.0, pose + np.array([0.1, 0.0, 0.0])).motion.cov
         usual = 0.003**2 + (0.1 * 0.1) ** 2
         assert bool(cov[0, 0] > 4.0 * usual) is is_worse
         assert bool(cov[0, 0] < 0.2 * usual) is not is_worse
+
+
+def rolled(scale, way=SEEN.pose[0], slips=()):
+    """The model after 200 steps of wheels of a wrong size, which slip by a metre at some of them, and their pose."""
+    model, pose = steady(), np.zeros(3)
+    for k in range(200):
+        pose = pose + np.array([scale * way + (k in slips), 0.0, 0.0])
+        model = updated(model, 0.1 * k, UncertainPose(np.array([way, 0.0, 0.0]), SEEN.cov), odometry_pose=pose)
+    return model, pose
+
+
+@pytest.mark.parametrize("way", [0.1, -0.1])
+def test_the_scale_of_wheels_is_learnt_from_what_the_matches_measure(way):
+    for scale in (0.95, 1.04):
+        model, pose = rolled(scale, way)
+        expected = model.predict(20.0, pose + np.array([scale * way, 0.0, 0.0])).motion
+        assert expected.pose[0] == pytest.approx(way, rel=0.003)  # a twentieth of it as long as nothing is known
+
+
+def test_wheels_that_slip_by_a_metre_keep_their_scale():
+    model, _ = rolled(1.0, slips=(20, 60, 100))
+    assert model.ways[0] / model.ways[1] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_wheels_along_what_matches_leave_open_say_nothing_of_their_scale():
+    model = updated(steady(), 0.1, odometry_pose=np.zeros(3))
+    model = updated(model, 0.2, odometry_pose=np.array([0.11, 0.0, 0.0]), is_fully_observed=False)
+    assert model.ways == (1.0, 1.0)
 
 
 def test_the_covariance_by_wheels_is_that_of_the_configuration():

@@ -113,8 +113,5 @@ class OdometryConfig:
 
     @staticmethod
     def keys_suit(method: str) -> bool:
-        """Return whether a matcher is fit for keyframes: the default one alone.
-
-        Keyframes need a matcher that finds its way from far and says how sure it is.
-        """
+        """Return whether a matcher finds its way from far and says how sure it is, as keyframes need: the default."""
         return method == DEFAULT_METHOD

@@ -79,7 +79,7 @@ def question_link(o: Observation, placement: Placement, last: Localization) -> P
     result, config = placement.match, o.config.keyframes
     if result is None or placement.gap is not None:
         return None
-    x, y, theta = o.expected.pose.tolist()
+    x, y, theta = o.prediction.motion.pose.tolist()
     is_near = math.hypot(x, y) < _NEAR_M and abs(theta) < _NEAR_RAD
     is_doubtful = result.confidence < SURE or result.score < config.least_score
     if not (is_near and is_doubtful and result.score < _SHARE * o.state.score):

@@ -197,9 +197,8 @@ def is_vague_along(expected: UncertainPose, result: MatchResult) -> bool:
     """Return whether a match is degenerate along a direction in which the expectation is vague, too."""
     if result.degenerate_direction is None:
         return False
-    x, y = result.degenerate_direction[:2]
-    variance = np.array([x, y]) @ expected.cov[:2, :2] @ np.array([x, y])
-    return bool(variance > _VAGUE_SIGMA**2 * (x * x + y * y))
+    way = result.degenerate_direction[:2]
+    return bool(way @ expected.cov[:2, :2] @ way > _VAGUE_SIGMA**2 * (way @ way))
 
 
 def unguided_measurement(result: MatchResult) -> UncertainPose | None:

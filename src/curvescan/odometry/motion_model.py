@@ -99,13 +99,15 @@ class MotionModel:
     # variance of the other odometry's translation and turn, as multiples of what the configuration says: the mean over
     # the last steps that a match measured
     odometry_noise: tuple[float, float] = (1.0, 1.0)
+    # metres driven, one to begin with, by the matches that measured all of it, and meanwhile by the other odometry:
+    # wheels of a wrong size err by the same share all the way
+    ways: tuple[float, float] = (1.0, 1.0)
 
     @classmethod
     def at_start(cls, config: MotionConfig) -> MotionModel:
         """Return the model before the first scan."""
-        return cls(
-            config=config, last=identity(), variance_translation=config.sigma_m**2, variance_turn=config.sigma_m**2
-        )
+        variance = config.sigma_m**2
+        return cls(config=config, last=identity(), variance_translation=variance, variance_turn=variance)
 
     def predict(self, stamp: float, odometry_pose: Pose | None) -> Prediction:
         """Return the expected pose of the next sensor frame in the last one; odometry_pose (3,)."""
@@ -134,7 +136,8 @@ class MotionModel:
         """Return the model after a scan whose motion was measured."""
         model = self._changed_by(motion.pose - self.last.pose) if is_fully_observed else self._inflated()
         if is_fully_observed and prediction.is_measured:
-            model = replace(model, odometry_noise=self._learned_noise(prediction, motion.pose))
+            noise, ways = self._learned_noise(prediction, motion.pose), self._learned_ways(prediction, motion.pose)
+            model = replace(model, odometry_noise=noise, ways=ways)
         moved = self._moved(prediction, motion)
         return replace(model.advanced(prediction), moved=moved, last=motion, n_failures=0)
 
@@ -168,6 +171,7 @@ class MotionModel:
         if odometry_pose is None or before is None:
             return False
         by_wheels = se2.between(before, odometry_pose)
+        by_wheels[:2] *= self.ways[0] / self.ways[1]
         turn = float(se2.wrap(odometry_pose[2] - before[2]))  # known where the place is not
         path = math.hypot(by_wheels[0], by_wheels[1])
         share = config.wheel_turn_share * turn
@@ -199,15 +203,21 @@ class MotionModel:
         )
         return (min(max(translation, _LEAST_NOISE), _MOST_NOISE), min(max(turn, _LEAST_NOISE), _MOST_NOISE))
 
+    def _learned_ways(self, prediction: Prediction, motion: Pose) -> tuple[float, float]:
+        """Return the ways by matches and by the other odometry after one more step, which it may not contradict."""
+        by_matches, by_wheels = self.ways
+        (x, y, _), off = prediction.motion.pose.tolist(), motion[:2] - prediction.motion.pose[:2]
+        path = math.hypot(x, y)
+        if not path > 0.0 or 0.5 * float(off @ off) > self.config.motion_gate_chi2 * prediction.motion.cov[0, 0]:
+            return self.ways
+        return by_matches + (x * motion[0] + y * motion[1]) / path, by_wheels + path * by_wheels / by_matches
+
     def _changed_by(self, change: Pose) -> MotionModel:
         """Return the model after one more change of the motion was seen."""
         x, y, theta = change.tolist()
-        theta = wrap_angle(theta)
-        return replace(
-            self,
-            variance_translation=self._averaged(self.variance_translation, 0.5 * (x * x + y * y)),
-            variance_turn=self._averaged(self.variance_turn, theta * theta),
-        )
+        translation = self._averaged(self.variance_translation, 0.5 * (x * x + y * y))
+        turn = self._averaged(self.variance_turn, wrap_angle(theta) ** 2)
+        return replace(self, variance_translation=translation, variance_turn=turn)
 
     def _inflated(self) -> MotionModel:
         """Expect again, bit by bit, such turns as before any was seen: a robot starts to turn at once, not to drive."""

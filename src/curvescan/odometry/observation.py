@@ -117,17 +117,11 @@ class Observation:
     @cached_property
     def current(self) -> PreparedScan:
         """The scan deskewed with the expected motion, and ready to be matched."""
-        return self.prepared(self.expected.pose)
+        return self.prepared(self.prediction.motion.pose)
 
     def prepared(self, motion: Pose) -> PreparedScan:
         """Return the scan ready to be matched, deskewed with a motion since the last one."""
-        is_deskewed = self.config.deskew
-        return self.matching.prepare(self.deskewer.deskewed(self.scan, motion) if is_deskewed else self.scan)
-
-    @property
-    def expected(self) -> UncertainPose:
-        """The expected motion since the last scan."""
-        return self.prediction.motion
+        return self.matching.prepare(self.deskewer.deskewed(self.scan, motion) if self.config.deskew else self.scan)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

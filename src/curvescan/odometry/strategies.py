@@ -52,7 +52,7 @@ def _track(o: Observation, attempt: Attempt) -> Placement | None:
     if sweep.first is not None:
         keyframe = replace(keyframe, scan=sweep.first)
     gated, result = sweep.gated, sweep.gated.result
-    expected = o.prediction.repeated if gated.is_by_last_motion else o.expected
+    expected = o.prediction.repeated if gated.is_by_last_motion else o.prediction.motion
     measured = compose(inverse(attempt.origin), gated.measured)
     if not gated.is_plausible:
         expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
@@ -85,7 +85,7 @@ def _extrapolate(o: Observation, attempt: Attempt) -> Placement:
     """Return where the expected motion leads; the scan becomes the next reference if it can be one."""
     last, failed = attempt.last, attempt.gated.result
     is_held = o.state.motion.is_exhausted(o.prediction)
-    motion = UncertainPose(np.zeros(3), o.expected.cov) if is_held else o.expected
+    motion = UncertainPose(np.zeros(3), o.prediction.motion.cov) if is_held else o.prediction.motion
     gap = o.state.gap or open_gap(o, last)
     placement = Placement(
         outcome=StepOutcome.HELD if is_held else StepOutcome.PREDICTED,
@@ -125,15 +125,13 @@ def _with_better_sweep(o: Observation, attempt: Attempt, keyframe: Keyframe) -> 
     if not o.config.deskew or o.scan.time_increment == 0.0:
         return _Sweep(gated, o.current)
     found = se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose)
-    if not o.deskewer.is_worth_again(o.scan, o.expected.pose, found):
+    if not o.deskewer.is_worth_again(o.scan, o.prediction.motion.pose, found):
         return _Sweep(gated, o.current)
     better, reference, first = o.prepared(found), keyframe.scan, None
     if o.state.first is not None:  # its velocity was not known
         reference = first = o.matching.prepare(o.deskewer.deskewed(o.state.first, found))
     again = o.matching.match(reference, better, attempt.origin, o.prediction)
-    if again.standing >= gated.standing:
-        return _Sweep(again, better, first)
-    return _Sweep(gated, o.current, first)
+    return _Sweep(again, better, first) if again.standing >= gated.standing else _Sweep(gated, o.current, first)
 
 
 def _is_leaving(localization: Localization, score: float, config: KeyframesConfig) -> bool:
