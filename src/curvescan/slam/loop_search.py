@@ -224,7 +224,8 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
     found = []
     for i, j, covariance in new:
         expected = UncertainPose(se2.between(poses[i], poses[j]), covariance + config.noise.spread)
-        result = keyframes.match(i, j, expected if is_certain(expected, config) else None)
+        guess = expected if is_certain(expected, config) else None
+        result = keyframes.match(i, keyframes.prepared(j), guess)
         closure = closure_of(result, expected, config, scan=index, i=i, j=j)
         found.append(closure if is_near(expected, config) else unexpected(closure))
     return found

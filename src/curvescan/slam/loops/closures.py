@@ -118,17 +118,15 @@ def is_near(expected: UncertainPose, config: SlamConfig) -> bool:
 
 
 def measured(result: MatchResult) -> UncertainPose:
-    """Return the pose of a match; what the scans leave open, a way or a turn, is not measured at all.
+    """Return the pose of a match of keyframes; the way that the scans leave open is not measured at all.
 
     Along a corridor the heading stays measured: a little turn in a way of 100 m would open it as well.
     """
     cov = result.covariance
     if result.degenerate_direction is not None:
-        x, y, turn = result.degenerate_direction.tolist()
-        way = math.hypot(x, y)
-        is_way = way > abs(turn)
-        direction = np.array([x / way, y / way, 0.0]) if is_way else np.array([0.0, 0.0, 1.0])
-        cov = cov + (_OPEN if is_way else math.pi) ** 2 * np.outer(direction, direction)
+        x, y, _ = result.degenerate_direction.tolist()
+        along = np.array([x, y, 0.0]) / math.hypot(x, y)
+        cov = cov + _OPEN**2 * np.outer(along, along)
     return UncertainPose(result.pose, cov)
 
 
