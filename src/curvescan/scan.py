@@ -270,8 +270,7 @@ def valid_readings(scan: LaserScan) -> Readings:
 _FAR = 250.0  # metres: no 2D laser without a stated limit measures all of its surroundings farther than this
 _TINY = float(np.finfo(np.float64).smallest_subnormal)
 _FARTHEST = 1e4
-"""No robot's laser sees 10 km: what drivers say beyond is a code for no return (FLT_MAX, 1e9), and squares of such
-numbers leave no digits for the other readings."""
+"""Metres: what drivers say beyond is a code for no return (FLT_MAX, 1e9), whose square leaves others no digits."""
 
 
 def _read_only_row(values: ArrayLike, name: str) -> Floats:
@@ -279,7 +278,8 @@ def _read_only_row(values: ArrayLike, name: str) -> Floats:
         with np.errstate(invalid="ignore"):  # a signalling NaN of float32 is a NaN
             if isinstance(values, np.ma.MaskedArray):
                 values = np.ma.filled(values.astype(np.float64), np.nan)
-            row = np.array(values, dtype=np.float64, order="C")
+            is_shared = type(values) is np.ndarray and values.flags.owndata and not values.flags.writeable
+            row = np.array(values, dtype=np.float64, order="C", copy=None if is_shared else True)  # of another scan
     except (TypeError, ValueError) as error:
         raise InvalidArgumentError(f"{name} must be numbers, one a beam: {error}") from error
     if row.ndim != 1:

@@ -24,8 +24,9 @@ from curvescan.types import Bools, Floats, Points
 
 MAX_BYTES = 1 << 30  # most memory that a map's cells may take; while the grid grows, the old ones stand beside the new
 
-_CELL_BYTES = 8
+_CELL_BYTES = 5
 _FIRST_MARGIN = 64
+_MARKS = range(2, 256)  # of the scan that changed a cell last, in turn; 0: none has, 1: one of an earlier turn
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -99,7 +100,7 @@ class OccupancyBuilder:
         # corner of the grid, and of the box that scans have reached, in cells from the frame's origin
         self._corner = self._first = self._beyond = np.zeros(2, dtype=np.int64)
         self._log_odds = np.zeros((0, 0), dtype=np.float32)
-        self._marks = np.zeros((0, 0), dtype=np.int32)
+        self._marks = np.zeros((0, 0), dtype=np.uint8)
         self._n_scans = 0
 
     def __repr__(self) -> str:
@@ -150,10 +151,12 @@ class OccupancyBuilder:
             ends = start + (reach / resolution)[:, np.newaxis] * turned
         low, high = ends.min(axis=0, initial=np.inf), ends.max(axis=0, initial=-np.inf)
         self._cover(np.floor(np.minimum(low, start)), np.floor(np.maximum(high, start)) + 1.0)
+        mark = _MARKS[self._n_scans % len(_MARKS)]
+        if mark == _MARKS.start:
+            np.minimum(self._marks, 1, out=self._marks)
         self._n_scans += 1
         places = start - self._corner, ends - self._corner
-        grids = self._log_odds, self._marks, self._n_scans
-        mark_scan(*grids, *places, is_hit, is_fully_observed[used], self._steps)
+        mark_scan(self._log_odds, self._marks, mark, *places, is_hit, is_fully_observed[used], self._steps)
 
     def grid(self) -> OccupancyGrid:
         """Return the map so far, cut to the cells that were seen; without any it has no cells."""
@@ -172,8 +175,7 @@ class OccupancyBuilder:
 
     def _cover(self, first: Floats, beyond: Floats) -> None:
         """Make the grid hold a box of cells, (2,) each, counted from the frame's origin, and take it for reached."""
-        corner = self._corner.astype(np.float64)
-        end = corner + self._log_odds.shape[::-1]
+        corner, end = self._corner.astype(np.float64), self._corner + np.array(self._log_odds.shape[::-1], dtype=float)
         if self._log_odds.size:
             first, beyond = np.minimum(first, self._first), np.maximum(beyond, self._beyond)
         else:
@@ -185,16 +187,15 @@ class OccupancyBuilder:
 
     def _grow(self, low: Floats, high: Floats, corner: Floats, end: Floats) -> None:
         check_map_size(high - low, self.config.resolution)
-        # room to grow by half wherever it had to grow, so that few scans pay for it
-        margin = np.maximum(_FIRST_MARGIN, (high - low) // 2)
+        # room to grow by an eighth wherever it had to grow, so that few scans pay for it
+        margin = np.maximum(_FIRST_MARGIN, (high - low) // 8)
         roomy_low, roomy_high = np.where(low < corner, low - margin, corner), np.where(high > end, high + margin, end)
         if _n_bytes(roomy_high - roomy_low) <= MAX_BYTES:
             low, high = roomy_low, roomy_high
         old = self._part(self._log_odds), self._part(self._marks)
         self._corner = low.astype(np.int64)
         shape = tuple((high - low).astype(np.int64)[::-1].tolist())
-        self._log_odds, self._marks = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.int32)
-        # no more than was reached: what is not written takes no memory
+        self._log_odds, self._marks = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.uint8)
         self._part(self._log_odds)[:], self._part(self._marks)[:] = old
 
 

@@ -15,7 +15,7 @@ from curvescan.types import Bools, Floats
 @kernel
 def mark_scan(
     log_odds: NDArray[np.float32],
-    marks: NDArray[np.int32],
+    marks: NDArray[np.uint8],
     mark: int,
     start: Floats,
     ends: Floats,
@@ -32,8 +32,8 @@ def mark_scan(
     ----------
     log_odds : (n_rows, n_columns) float32
         Log odds of occupancy; row j holds the cells of y in [j, j + 1).
-    marks, mark : (n_rows, n_columns) int32, int
-        Number of the scan that changed a cell last, and of this scan.
+    marks, mark : (n_rows, n_columns) uint8, int
+        Mark of the scan that changed a cell last, and of this scan.
     start : (2,) float64
         Place of the sensor, in cells from the corner of the grid.
     ends : (n, 2) float64

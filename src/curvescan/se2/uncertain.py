@@ -8,12 +8,12 @@ import math
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.types import Cov, Floats, Pose
 from curvescan.types import UncertainPose as UncertainPose
 
 
-@kernel
+@inlined
 def wrap_angle(angle: float) -> float:
     """Return an angle brought into (-pi, pi], radians; what lies inside keeps all its digits."""
     wrapped = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
@@ -70,7 +70,7 @@ def _add_sandwich(left: Floats, cov: Cov, total: Cov) -> None:
                 total[j, i] += product
 
 
-@kernel
+@inlined
 def _affine(c: float, s: float, x: float, y: float) -> Floats:
     """Return the (3, 3) matrix of a rotation by an angle of cosine c and sine s, and a third column (x, y, 1)."""
     matrix = np.zeros((3, 3))

@@ -95,7 +95,7 @@ def distances(x: float, y: float, surfels: Floats, j: int) -> tuple[float, float
     return nx * ux + ny * uy, ny * ux - nx * uy
 
 
-@kernel
+@inlined
 def project(surfels: Floats, motion: Motion, image: RangeImage) -> Floats:
     """Return (3, m) the readings, moved, in the frame of the other scan, and where they stand in its azimuth table."""
     placed = np.empty((3, surfels.shape[0]))

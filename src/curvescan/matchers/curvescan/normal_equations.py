@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined
 from curvescan.types import Floats
 
 # Columns: the upper triangle of the information, and the gradient.
@@ -11,7 +11,7 @@ N_TRIANGLE = TT + 1
 N_SUMS = GRADIENT_T + 1
 
 
-@kernel
+@inlined
 def add_square(system: Floats, first: int, weight: float, jx: float, jy: float, jt: float) -> None:
     """Add to the triangle that starts at column `first` the information of one residual with the given derivatives."""
     wx, wy = weight * jx, weight * jy

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.config import SAME, SURE_SIGMAS
 from curvescan.matchers.result import WIDE_PRIOR, WIDE_SIGMA
 from curvescan.types import Cov, Floats, Pose, UncertainPose
@@ -85,7 +85,7 @@ def log_odds(poses: Floats, prior: Prior) -> tuple[Floats, Floats]:
     return found, found_wide
 
 
-@kernel
+@inlined
 def tells(prior: Prior, poses: Floats) -> bool:
     """Return whether the prior itself says that the scan is at the first of some poses."""
     return bool(poses.shape[0] > 0 and log_odds(poses[:1], prior)[0][0] > TOLD)

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.association import (
     BACKWARD,
     FORWARD,
@@ -114,7 +114,7 @@ def accumulate(
         system[GRADIENT_T] += weight * jt * e
 
 
-@kernel
+@inlined
 def solve(system: Floats, damping: float) -> tuple[float, float, float]:
     """Return minus the solution of the 3 x 3 normal equations, by Cholesky, each diagonal raised by `damping`."""
     a00 = system[XX] + damping

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.types import Bools, Cov, Floats, Ints
 
 _LEAST_PIVOT = 1e-12
@@ -155,7 +155,7 @@ def _inverse_root(blocks: Cov, k: int) -> Cov:
     return w
 
 
-@kernel
+@inlined
 def _row(blocks: Cov, k: int, r: int) -> tuple[float, float, float]:
     return blocks[k, r, 0], blocks[k, r, 1], blocks[k, r, 2]
 

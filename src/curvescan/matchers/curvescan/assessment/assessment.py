@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.assessment.information import covariance, information_matrix, pose_information
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, compare_readings, static_segments
 from curvescan.matchers.curvescan.config import (
@@ -71,7 +71,7 @@ def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, conf
     return Assessment(*assess(ref, cur, pose, limits))
 
 
-@kernel
+@inlined
 def remove_dynamic(codes: Codes, partner: Ints, is_static: Bools) -> int:
     """Mark readings of surfaces that moved away, and take their partners, in place; return how many have one left."""
     n_left = 0

@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.assessment.evidence import (
     AGREEING,
     BEYOND,
@@ -285,7 +285,7 @@ def terms_of(evidence: Floats, priors: Floats, wide_priors: Floats) -> Floats:
     return terms
 
 
-@kernel
+@inlined
 def weigh(
     ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, prior: Prior, margin: float
 ) -> tuple[Floats, Floats, Floats]:

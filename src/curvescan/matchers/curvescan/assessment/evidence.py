@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, IN_FRONT, INLIER, agreeing_limits
 from curvescan.matchers.curvescan.assessment.walls import excess_lengths
 from curvescan.matchers.curvescan.association import (
@@ -102,7 +102,7 @@ def add_evidence(
     return n_misfits
 
 
-@kernel
+@inlined
 def is_parallel(surfels: Floats, i: int, motion: Motion, surfels_other: Floats, j: int) -> bool:
     """Return whether a reading, moved, faces as one of the other scan does."""
     nx, ny = surfels[i, NX], surfels[i, NY]
@@ -110,7 +110,7 @@ def is_parallel(surfels: Floats, i: int, motion: Motion, surfels_other: Floats, 
     return bool(x * surfels_other[j, NX] + y * surfels_other[j, NY] > PARALLEL)
 
 
-@kernel
+@inlined
 def large_length(surfels: Floats, bounds: Ints, codes: Codes) -> float:
     """Return the length of surface seen through in runs longer than 0.5 m, metres."""
     large = 0.0
@@ -148,23 +148,22 @@ def person_length(surfels: Floats, bounds: Ints, codes: Codes, is_small: Bools) 
                 dx, dy = surfels[last, X] - surfels[first, X], surfels[last, Y] - surfels[first, Y]
                 if dx * dx + dy * dy <= _LARGE_EXTENT * _LARGE_EXTENT:
                     middle = (first + last) // 2
-                    stands_free = stands_before(surfels, bounds, k, middle, first, -1)
-                    if stands_free and stands_before(surfels, bounds, k, middle, last, 1):
+                    stands_free = stands_before(surfels, bounds, k, middle, first, first - 1)
+                    if stands_free and stands_before(surfels, bounds, k, middle, last, last + 1):
                         total += run
                 run, first = 0.0, -1
     return total
 
 
 @kernel
-def stands_before(surfels: Floats, bounds: Ints, k: int, middle: int, edge: int, step: int) -> bool:
-    """Return whether a run of readings of surface k stands before what is beside `edge`, on the side of `step`."""
-    beside = edge + step
+def stands_before(surfels: Floats, bounds: Ints, k: int, middle: int, edge: int, beside: int) -> bool:
+    """Return whether a run of readings of surface k stands before what is `beside` its `edge`."""
     if beside < 0 or beside >= surfels.shape[0]:
         return True
     if surfels[beside, RANGE] - surfels[edge, RANGE] > STANDS_BEFORE:
         return True
     if beside < bounds[k] or beside >= bounds[k + 1]:
         return False
-    wall = min(max(beside + _CLEAR * step, bounds[k]), bounds[k + 1] - 1)
+    wall = min(max(beside + _CLEAR * (beside - edge), bounds[k]), bounds[k + 1] - 1)
     dx, dy = surfels[middle, X] - surfels[wall, CX], surfels[middle, Y] - surfels[wall, CY]
     return bool(surfels[wall, NX] * dx + surfels[wall, NY] * dy > STANDS_BEFORE)

@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD, distances, lever, motion_of, projected, turned
 from curvescan.matchers.curvescan.features.objects import Objects
 from curvescan.matchers.curvescan.features.surfels import NX, NY, TILT, VARIANCE
@@ -88,7 +88,7 @@ def add_information(
         system[LEVER2] += dx * dx + dy * dy
 
 
-@kernel
+@inlined
 def add_reading(sums: Floats, weight: float, false: float, normal: Row, along: Row) -> None:
     """Add the information of one reading, and what is spurious of it; rows: of x, y, theta."""
     add_square(sums, INFORMATION, weight, normal[0], normal[1], normal[2])
@@ -158,7 +158,7 @@ def principal(system: Floats, part: Floats, units: Floats, scale: float) -> tupl
     return information, spurious, axes
 
 
-@kernel
+@inlined
 def share_of(part: Floats, units: Floats, axis: Floats) -> float:
     """Return the information of a part along an axis."""
     total, k = 0.0, 0
@@ -216,7 +216,7 @@ def pose_information(
     return information, spurious, axes, units
 
 
-@kernel
+@inlined
 def count_free(parts: Floats, is_free_cur: Bools, is_free_ref: Bools) -> int:
     """Return how many things that stand free agree in the scan that has more of them."""
     n_cur, n_ref = 0, 0

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.association import (
     FORWARD,
     associate,
@@ -34,7 +34,7 @@ _UNMATCHED = int(Label.UNMATCHED)
 _MIN_PARTNERS = 4  # readings of a segment from which on its mean says whether it moved
 
 
-@kernel
+@inlined
 def agreeing_limits(surfels: Floats, i: int, surfels_other: Floats, j: int, margin: float) -> tuple[float, float]:
     """Return how far across and along the other's line a reading of the same surface may lie, metres."""
     if surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:

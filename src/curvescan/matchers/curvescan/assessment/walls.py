@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import ARM, PARALLEL
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, X, Y
@@ -34,7 +34,7 @@ def excess_lengths(surfels: Floats, codes: Codes) -> tuple[float, float]:
         n += codes[i] == INLIER and surfels[i, LENGTH] > 0.0
     stride = max(n // _N_TAKEN, 1)
     lines = np.empty((_N_LINE, n // stride + 1))
-    count, seen, total = 0, 0, 0.0
+    count, seen, total = n - n, 0, 0.0  # 0 that is no constant
     for i in range(codes.size):
         if codes[i] != INLIER or surfels[i, LENGTH] <= 0.0:
             continue
@@ -58,7 +58,7 @@ def excess_lengths(surfels: Floats, codes: Codes) -> tuple[float, float]:
     return max(excess, 0.0), max(beyond, 0.0)
 
 
-@kernel
+@inlined
 def readings_on_walls(lines: Floats, count: int) -> Bools:
     """Return (n_seeds, count) which readings lie on the line through reading k * step, and face like it."""
     step = max(count // _N_SEEDS, 1)

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.config import SURE_SIGMAS
 from curvescan.matchers.curvescan.features.surfels import RANGE, SUM_X, SUM_Y, X, Y, fit_line
 from curvescan.types import Floats, Ints
@@ -32,7 +32,7 @@ _END_REACHED2 = 0.36  # square of the share of its arm, 0.6, that the line to an
 _GRAZED = 0.2  # sine of the angle of incidence, 12 degrees, below which the place of an end depends on where one stands
 
 
-@kernel
+@inlined
 def arm_direction(sums: Floats, low: int, high: int, dx: float, dy: float) -> tuple[float, float]:
     """Return the unit direction of the line through readings low..high, pointing the way of (dx, dy)."""
     if high - low < 2:
@@ -98,7 +98,7 @@ def measure_bends(
             bend[i] = 1.0 - dot / math.sqrt(squares)
 
 
-@kernel
+@inlined
 def is_sharpest(bend: Floats, i: int, low: int, high: int) -> bool:
     """Return whether the surface turns nowhere more within half an arm of reading i."""
     height = bend[i]

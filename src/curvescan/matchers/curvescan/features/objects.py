@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.features.surfels import RANGE, X, Y
 from curvescan.types import Bools, Floats, Ints
 
@@ -49,7 +49,7 @@ def find_objects(surfels: Floats, bounds: Ints) -> tuple[Ints, Bools, Bools]:
     return label, is_free[:n].copy(), is_small
 
 
-@kernel
+@inlined
 def extent_of(surfels: Floats, first: int, last: int) -> float:
     """Return how far readings first to last lie from the first at most, metres."""
     extent2 = 0.0

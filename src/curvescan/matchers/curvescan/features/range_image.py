@@ -127,7 +127,7 @@ def place_in(x: float, y: float, azimuth_min: float, slots_a_radian: float) -> f
     return float((bearing(x, y) - azimuth_min) * slots_a_radian + 0.5)
 
 
-@kernel
+@inlined
 def reading_in(place: float, image: RangeImage) -> int:
     """Return the reading in the slot of a place, or a negative number as in the azimuth table."""
     turn = 2.0 * math.pi * image.azimuth[SLOTS_A_RADIAN]
@@ -139,13 +139,13 @@ def reading_in(place: float, image: RangeImage) -> int:
     return int(image.table[int(min(place, image.table.size - 1.0))]) if place >= 0.0 else -2
 
 
-@kernel
+@inlined
 def reading_at(x: float, y: float, image: RangeImage) -> int:
     """Return the reading that a scan has in the direction of (x, y), or a negative number as in its azimuth table."""
     return reading_in(place_of(x, y, image), image)
 
 
-@kernel
+@inlined
 def reading_beside(place: float, image: RangeImage, nearest: int) -> int:
     """Return the reading of the two beams on either side of a place that is not the nearest, or a negative number."""
     half = 0.5 * image.azimuth[SLOTS_A_BEAM]

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.config import LASER_ERROR
 from curvescan.types import Bools, Floats, Ints, Points
 
@@ -82,7 +82,7 @@ def join_grazed(ranges: Floats, directions: Points, order: Ints, breaks: Bools) 
                 break
 
 
-@kernel
+@inlined
 def widest_gap(turn: float, incidence_limit: float) -> float:
     """Return the gap that a surface may show between two readings, per metre of range and a turn of the beam apart."""
     if turn < _NEAR_LIMIT * incidence_limit:

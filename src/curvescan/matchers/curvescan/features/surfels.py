@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.config import LIKELY_SIGMAS
 from curvescan.types import Floats, Ints
 
@@ -51,7 +51,7 @@ _LEAST_ALONG = 1e-12  # square metres: readings in one place have no line
 _MIN_LENGTH, _MAX_LENGTH = 0.03, 0.3  # length of surface that a reading stands for, metres, at least and at most
 
 
-@kernel
+@inlined
 def moments(readings: Floats) -> Floats:
     """Return (m + 1, 5) running sums of x, y, x x, x y, y y: any stretch's moments are a difference of rows."""
     m = readings.shape[0]
@@ -158,7 +158,7 @@ def low_quantile(variances: Floats) -> float:
     return 2.0 ** (k // 4 - 27) * (1.0 + (k % 4 + inside) / 4) if variances.size else 0.0
 
 
-@kernel
+@inlined
 def best_fit(fits: Floats, i: int, facing2: float, sigma2: float) -> int:
     """Return the reading whose line reading i is to have: its own, or a better one that also holds it.
 

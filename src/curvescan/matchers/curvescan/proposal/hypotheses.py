@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.features.keypoints import DIRECTION, FX, FY, KIND, TURN
 from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_at
@@ -19,7 +19,7 @@ from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
 
 
-@kernel
+@inlined
 def is_in_sight(x: float, y: float, image: RangeImage, margin: float) -> bool:
     """Return whether a scan leaves the way from its sensor to a place free, as far as it saw."""
     j = reading_at(x, y, image)

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.association import FORWARD, Motion, associate, is_seen_through, project_into, turned
 from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_beside
@@ -75,7 +75,7 @@ def score_samples(
     return score
 
 
-@kernel
+@inlined
 def room_for(ref: RangeImage, cur: RangeImage) -> tuple[Floats, Floats]:
     """Return arrays for the samples of two scans, projected."""
     return np.empty((3, ref.samples.shape[0])), np.empty((3, cur.samples.shape[0]))
@@ -106,7 +106,7 @@ def score_pose(
     placed_ref, placed_cur = placed
     project_into(placed_ref, samples_ref, back, cur)
     project_into(placed_cur, samples_cur, there, ref)
-    low, high, score, rate, prospect = n_first - n_first, n_first, 0.0, 0.0, 1.0  # not the constant 0: see explore
+    low, high, score, rate, prospect = n_first - n_first, n_first, 0.0, 0.0, 1.0  # 0 that is no constant
     while low < max(n_ref, n_cur) and rate >= least - prospect:
         score += score_samples(samples_cur, placed_cur, low, high, ref, there, tolerance, slope)
         score += score_samples(samples_ref, placed_ref, low, high, cur, back, tolerance, slope)

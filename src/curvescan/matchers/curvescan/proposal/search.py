@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.config import NEAR, SAME, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
@@ -121,17 +121,18 @@ def propose(ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, effort
     return stack(poses, near), with_near, n_tried + 1
 
 
-@kernel
+@inlined
 def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort) -> tuple[Floats, Floats]:
     """Return the pose of the prior, refined, and its score; none where no reading agrees."""
     guess = np.empty((1, 3))
     for k in range(3):
         guess[0, k] = prior.pose[k]
     close, close_slope = effort.tolerances[-2:]
-    return select(refine(guess, ref, cur, effort.sigmas), ref, cur, close, close_slope, 1, effort.n_first[2], NEAR)
+    refined, n_kept = refine(guess, ref, cur, effort.sigmas), len(guess)  # 1 that is no constant
+    return select(refined, ref, cur, close, close_slope, n_kept, effort.n_first[2], NEAR)
 
 
-@kernel
+@inlined
 def is_trusted(ref: RangeImage, cur: RangeImage, prior: Prior, near: Floats, scores: Floats, effort: Effort) -> bool:
     """Return whether the refined pose of the prior is taken without a look at others.
 
@@ -139,7 +140,7 @@ def is_trusted(ref: RangeImage, cur: RangeImage, prior: Prior, near: Floats, sco
     """
     if scores.size == 0 or scores[0] <= effort.guess_score or not tells(prior, near):
         return False
-    moved_along = degenerate_hypotheses(near, ref, cur, effort.along_step, 1, effort.degenerate_ratio)
+    moved_along = degenerate_hypotheses(near, ref, cur, effort.along_step, len(near), effort.degenerate_ratio)
     return bool(moved_along.shape[0] == 0)
 
 
@@ -165,7 +166,7 @@ def search(ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, effort:
     return poses, scores, tried.shape[0]
 
 
-@kernel
+@inlined
 def is_doubtful(scores: Floats, n_tried: int, effort: Effort) -> bool:
     """Return whether the best pose finds little support, or middling with few poses or a close competing hypothesis."""
     if scores.size == 0 or scores[0] < effort.doubtful_score:
