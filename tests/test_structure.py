@@ -203,7 +203,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "cli": (2477, 15, 0),
     "diagnostics": (1928, 57, 0),
     "evaluation": (828, 15, 0),
-    "io": (5857, 38, 0),
+    "io": (5856, 38, 0),
     "live": (2763, 41, 0),
     "mapping": (831, 17, 8),
     "matchers": (669, 4, 0),
