@@ -203,7 +203,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "cli": (2477, 15, 0),
     "diagnostics": (1928, 57, 0),
     "evaluation": (828, 15, 0),
-    "io": (5857, 38, 0),
+    "io": (5856, 38, 0),
     "live": (2763, 41, 0),
     "mapping": (831, 17, 8),
     "matchers": (669, 4, 0),
@@ -217,7 +217,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "runs/batch": (1632, 5, 0),
     "se2": (387, 0, 0),
     "simulation": (1947, 85, 0),
-    "slam": (4995, 69, 19),
+    "slam": (4981, 65, 19),
 }
 """Lines, tuned numbers and config fields that a room may have: they go down, and this table with them."""
 

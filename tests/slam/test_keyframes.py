@@ -41,6 +41,6 @@ def test_in_a_round_room_no_keyframes_match():
         keyframes.add(scan, k)
     one, other = keyframes.prepared(0), keyframes.prepared(1)
     assert one.matcher.match(one.features, other.features, None).ok
-    found = keyframes.match(0, 1, None)
+    found = keyframes.match(0, other, None)
     assert not found.ok
     assert np.isnan(found.pose).all()

@@ -229,18 +229,13 @@ _SCAN_BYTES = 1200  # what a scan takes besides its arrays
 
 
 class HeldLog(LogView):
-    """A log whose first complete iteration keeps its readings, so that further ones read nothing."""
+    """A log whose first complete iteration keeps its readings: further ones read nothing, and one below lets go."""
 
     def __init__(self, log: Log, max_bytes: int = MAX_HELD_BYTES) -> None:
         super().__init__(log)
         self._max_bytes = max_bytes
         self._scans: list[LaserScan] | None = None
         self._is_too_large = False
-
-    @property
-    def is_held(self) -> bool:
-        """Whether the scans are in memory."""
-        return self._scans is not None
 
     def __iter__(self) -> Iterator[LaserScan]:
         if self._scans is not None:
@@ -259,9 +254,13 @@ class HeldLog(LogView):
                 if left < 0:
                     scans.clear()
             yield scan
-        if left >= 0:
-            self._scans = scans
         self._is_too_large = left < 0
+        if left >= 0:
+            self._scans, below = scans, self._log
+            while isinstance(below, LogView):
+                if isinstance(below, HeldLog):
+                    below._scans, below._is_too_large = None, True
+                below = below._log
 
     def _scan_at(self, i: int) -> LaserScan:
         return self._log[i] if self._scans is None else copy(self._scans[i])

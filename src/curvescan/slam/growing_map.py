@@ -84,7 +84,7 @@ class GrowingMap:
         share = _MOST_VARIANCE / max(float(motion.cov[0, 0]), _MOST_VARIANCE)
         step = noise.slipped(UncertainPose(motion.pose, share * motion.cov), self._open_way)
         self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
-        result, kind = self.keyframes.match(before, k, None), EdgeKind.MOTION
+        result, kind = self.keyframes.match(before, self.keyframes.prepared(k), None), EdgeKind.MOTION
         if result.ok:
             found = measured(result)
             found = UncertainPose(found.pose, noise.edge(found.cov))

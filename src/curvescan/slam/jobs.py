@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.slam.config import GATE, KEPT, NoiseConfig
-from curvescan.slam.loops.belief import UNKNOWN
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, anchors_of, components, is_whole
 from curvescan.slam.pose_graph.optimization import Edges, marginal_covariances, squared_distances
@@ -91,7 +91,7 @@ def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
     used = np.flatnonzero(weights > 0.0)
     edges = Edges.of(ends, solved.measured, scaled).chosen(used)
     found = marginal_covariances(poses, edges, weights[used], anchors)
-    found[labels != labels[k]] = UNKNOWN
+    found[labels != labels[k]] = LOST_COVARIANCE
     # what each of both scans adds to all of its edges; of what a match leaves open it says nothing
     common = (1.0 - KEPT) / (2.0 * KEPT) * covariances
     return with_own_noise(found, poses, own_noise(poses, ends, common, is_match & is_whole(covariances)), k)

@@ -99,17 +99,16 @@ class Keyframes:
             self._prepared.move_to_end(number)
         return found
 
-    def match(self, i: int, j: int, prior: UncertainPose | None) -> MatchResult:
-        """Return the match of keyframe j with keyframe i, given what is known of it before.
+    def match(self, i: int, current: PreparedScan, prior: UncertainPose | None) -> MatchResult:
+        """Return the match of a scan with keyframe i, given what is known of it before.
 
         One that leaves a turn open, in a round room, is none: many of them together seem to measure the turn.
         """
-        reference, current = self.prepared(i), self.prepared(j)
+        reference = self.prepared(i)
         result = reference.matcher.match(reference.features, current.features, prior)
         if result.degenerate_direction is None:
             return result
-        x, y, turn = result.degenerate_direction.tolist()
-        if math.hypot(x, y) <= abs(turn):
+        if is_turn(result.degenerate_direction):
             return replace(result, outcome=Outcome.UNCONSTRAINED, pose=NO_POSE, covariance=NO_COVARIANCE)
         seen = reference.scan.points[reference.scan.valid]
         return replace(result, degenerate_direction=along_walls(seen, result.degenerate_direction))
@@ -117,6 +116,11 @@ class Keyframes:
     def prepare(self, scan: LaserScan) -> PreparedScan:
         """Return any scan ready to be matched with keyframes."""
         return prepare(scan, method=self._method, config=self._matcher_config)
+
+
+def is_turn(direction: Pose) -> bool:
+    """Return whether an open direction, (x, y, theta), is a turn, as in a round room, and no way."""
+    return bool(math.hypot(direction[0], direction[1]) <= abs(direction[2]))
 
 
 def compact(scan: LaserScan) -> LaserScan:

@@ -41,9 +41,6 @@ _MIN_SIMILARITY = 0.4
 """Least similarity by the place index of keyframes of a relative pose that is not well known. On Intel and ACES, 2 % of
 2,758 candidates below it were of use."""
 
-_N_WAITING = 200
-"""Matches that wait for others to agree with, at most."""
-
 _N_LOGGED = 50_000
 """Loop-closure candidates whose record is kept, the latest."""
 
@@ -66,7 +63,6 @@ class LoopSearch:
     def __init__(self, growing: GrowingMap, config: SlamConfig) -> None:
         self.config = config
         self.closures: list[Closure] = []  # candidates that were matched, by the numbers of their keyframes
-        self.is_urgent = False  # whether a loop closed that the graph did not expect: to be optimized at once
         self._map = growing
         self._queue: deque[Candidate] = deque()
         self._tried: dict[int, set[int]] = {}  # by the number of each keyframe those of others
@@ -179,18 +175,18 @@ class LoopSearch:
         return is_new
 
     def _remember(self, closure: Closure) -> None:
-        self._pool.append(closure)
-        del self._pool[:-_N_WAITING]
+        """Keep a closure with those near it along the path: others speak neither for it nor against it."""
+        self._pool = [c for c in self._pool if abs(c.j - closure.j) <= N_NEAR] + [closure]
 
     def _wait(self, closure: Closure) -> list[Closure]:
         """Hold a closure against others, and return those whose odds now exceed those of what they contradict."""
         self._remember(closure)
-        pool = [c for c in self._pool if abs(c.j - closure.j) <= N_NEAR and c is not closure] + [closure]
-        members, lead = best_group(pool, self._map.chain(), self.config)
+        members, lead = best_group(self._pool, self._map.chain(), self.config)
         if lead <= self.config.closures.log_odds:
             self._log(closure)
             return []
-        agreed = [replace(pool[k], outcome=ClosureOutcome.AGREED) for k in members if not pool[k].is_accepted]
+        chosen = [self._pool[k] for k in members]
+        agreed = [replace(c, outcome=ClosureOutcome.AGREED) for c in chosen if not c.is_accepted]
         pairs = {(c.i, c.j) for c in agreed}
         self._pool = [c for c in self._pool if (c.i, c.j) not in pairs] + agreed
         return [self._accept(one) for one in agreed]
@@ -198,7 +194,6 @@ class LoopSearch:
     def _accept(self, closure: Closure) -> Closure:
         """Make a closure an edge of the map, and return its record."""
         self._map.close(closure)
-        self.is_urgent |= closure.outcome is ClosureOutcome.AGREED
         return self._log(closure)
 
     def _log(self, closure: Closure) -> Closure:
@@ -224,7 +219,8 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
     found = []
     for i, j, covariance in new:
         expected = UncertainPose(se2.between(poses[i], poses[j]), covariance + config.noise.spread)
-        result = keyframes.match(i, j, expected if is_certain(expected, config) else None)
+        guess = expected if is_certain(expected, config) else None
+        result = keyframes.match(i, keyframes.prepared(j), guess)
         closure = closure_of(result, expected, config, scan=index, i=i, j=j)
         found.append(closure if is_near(expected, config) else unexpected(closure))
     return found

@@ -15,6 +15,7 @@ import numpy as np
 
 from curvescan.odometry.step import Step, StepOutcome
 from curvescan.se2.uncertain import UncertainPose, between
+from curvescan.slam.keyframes import is_turn
 from curvescan.types import Floats
 
 UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
@@ -92,7 +93,7 @@ class OpenDrive(NamedTuple):
 def _leaves_turn_open(step: Step) -> bool:
     """Return whether a step measured all but a turn, in a round room."""
     direction = step.match.degenerate_direction if step.is_matched and step.match is not None else None
-    return direction is not None and math.hypot(direction[0], direction[1]) <= abs(direction[2])
+    return direction is not None and is_turn(direction)
 
 
 def _open_direction(step: Step) -> Floats | None:

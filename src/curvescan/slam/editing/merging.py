@@ -95,7 +95,7 @@ def _matches(one: SlamMap, other: SlamMap, config: SlamConfig) -> tuple[Ints, Po
     for j in np.unique(np.linspace(0, len(other) - 1, min(_MOST_VIEWS, len(other))).astype(int)).tolist():
         current = known.prepare(other.scans[j])
         for i in known.index.most_similar(known.signature(current), _N_ALIKE).tolist():
-            result = current.matcher.match(known.prepared(i).features, current.features, None)
+            result = known.match(i, current, None)
             if result.ok and result.degenerate_direction is None:
                 pairs.append((i, j))
                 poses.append(result.pose)

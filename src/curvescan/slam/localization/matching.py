@@ -148,11 +148,8 @@ class MapMatcher:
 
     def _hit(self, k: int, current: PreparedScan, prior: UncertainPose | None) -> Hit | None:
         """Return where a match puts a scan; None where it fails, or leaves a direction open without a prior."""
-        reference = self._keyframes.prepared(k)
-        result = current.matcher.match(reference.features, current.features, prior)
-        if not result.ok:
-            return None
-        if prior is None and result.degenerate_direction is not None:
+        result = self._keyframes.match(k, current, prior)
+        if not result.ok or (prior is None and result.degenerate_direction is not None):
             return None
         found = measured(result)
         found = UncertainPose(found.pose, found.cov + self._config.noise.floor)

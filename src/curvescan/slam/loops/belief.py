@@ -6,18 +6,15 @@ alone.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from curvescan import se2
+from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.pose_graph.posterior import rotations
 from curvescan.types import Bools, Cov, Pose
-
-UNKNOWN: Cov = np.diag(np.square([1e3, 1e3, math.pi]))
-"""(3, 3) covariance of a relative pose of which nothing is known: no building is larger."""
 
 
 class Belief(NamedTuple):
@@ -39,7 +36,7 @@ class Belief(NamedTuple):
     @classmethod
     def at_start(cls, k: int, poses: Pose) -> Belief:
         """Return what is known of keyframe k, the last one, where nothing ties it to those before it."""
-        covariances = np.tile(UNKNOWN, (len(poses), 1, 1))
+        covariances = np.tile(LOST_COVARIANCE, (len(poses), 1, 1))
         covariances[k] = 0.0
         return cls.of(k, poses, covariances)
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.matchers import MatchResult
+from curvescan.odometry.measurement import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.types import Bools, Cov, Pose
@@ -24,9 +25,6 @@ _N_NEIGHBOURS = 10
 
 SIGMAS = 3.0
 """A keyframe may lie this many standard deviations from where the graph has it."""
-
-_OPEN = 100.0
-"""Standard deviation of a way that is not measured, metres."""
 
 _ERROR_AFAR = 0.03
 """Share of the distance by which views from afar err, more than they say: 0.1 to 0.2 m at 3 to 5 m on Killian."""
@@ -118,18 +116,14 @@ def is_near(expected: UncertainPose, config: SlamConfig) -> bool:
 
 
 def measured(result: MatchResult) -> UncertainPose:
-    """Return the pose of a match; what the scans leave open, a way or a turn, is not measured at all.
+    """Return the pose of a match of keyframes; the way that the scans leave open is not measured at all.
 
     Along a corridor the heading stays measured: a little turn in a way of 100 m would open it as well.
     """
-    cov = result.covariance
     if result.degenerate_direction is not None:
-        x, y, turn = result.degenerate_direction.tolist()
-        way = math.hypot(x, y)
-        is_way = way > abs(turn)
-        direction = np.array([x / way, y / way, 0.0]) if is_way else np.array([0.0, 0.0, 1.0])
-        cov = cov + (_OPEN if is_way else math.pi) ** 2 * np.outer(direction, direction)
-    return UncertainPose(result.pose, cov)
+        x, y, _ = result.degenerate_direction.tolist()
+        result = replace(result, degenerate_direction=np.array([x, y, 0.0]) / math.hypot(x, y))
+    return as_measurement(result)
 
 
 def closure_of(

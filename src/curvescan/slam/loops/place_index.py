@@ -64,7 +64,7 @@ def _histogram(keypoints: Floats) -> Floats:
         for b in range(len(keypoints)):
             dx, dy = keypoints[b, 0] - keypoints[a, 0], keypoints[b, 1] - keypoints[a, 1]
             distance = math.sqrt(dx * dx + dy * dy)
-            if a == b or distance < 0.25 or distance >= _STEP * (N_DISTANCES - 0.5):
+            if a == b or distance < 0.5 * _STEP or distance >= _STEP * (N_DISTANCES - 0.5):
                 continue
             bearing = math.atan2(dy, dx) - keypoints[a, 2]
             bearing -= 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi))
