@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan.matchers import Candidate
 from curvescan.matchers.registry import find_matcher
 from curvescan.matchers.result import prior_of
 from curvescan.odometry import MotionConfig
@@ -73,6 +74,46 @@ def test_a_score_that_chance_reaches_does_not_count(doubtful):
     strict = MotionConfig(expected_score=1.0)
     for result, truth in doubtful:
         assert decided_by_expectation(result, expected(truth, (1.0, 1.0, 1.0)), strict) is result
+
+
+@pytest.mark.parametrize(
+    ("log_odds", "near", "is_elsewhere"), [(5.0, 1.6, False), (5.0, 1.4, True), (3.0, -0.1, True), (3.0, 0.1, False)]
+)
+def test_a_pose_elsewhere_must_be_far_likelier_than_where_the_motion_leads(log_odds, near, is_elsewhere):
+    """What moves along with the sensor, or against it, explains the scans elsewhere."""
+
+    def candidate(x, odds, n_matched):
+        covariance = np.diag([1e-4, 1e-4, 1e-6])
+        return Candidate(
+            pose=np.array([x, 0.0, 0.0]),
+            log_odds=odds,
+            information=np.linalg.inv(covariance),
+            covariance=covariance,
+            n_matched=n_matched,
+        )
+
+    candidates = candidate(-0.5, log_odds, 200), candidate(0.1, near, 100)
+    result = cs.MatchResult(
+        method="curvescan",
+        outcome=cs.Outcome.MATCHED,
+        pose=candidates[0].pose,
+        covariance=candidates[0].covariance,
+        n_matched=200,
+        trace=None,
+        labels_reference=np.empty(0, dtype=np.uint8),
+        labels_current=np.empty(0, dtype=np.uint8),
+        score=0.8,
+        confidence=0.9,
+        candidates=candidates,
+    )
+    decided = decided_by_expectation(result, expected((0.12, 0.0, 0.0), (0.02, 0.02, 0.02)), MotionConfig())
+    if is_elsewhere:
+        assert decided is result
+    else:
+        assert decided.pose[0] == 0.1
+        assert decided.score == pytest.approx(0.4)
+        assert 0.4 < decided.confidence < 1.0 / (1.0 + math.exp(-near))
+    assert decided_by_expectation(result, expected((-0.5, 0.0, 0.0), (0.02, 0.02, 0.02)), MotionConfig()) is result
 
 
 @pytest.mark.slow

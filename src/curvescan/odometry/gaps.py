@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from curvescan.matchers.result import WIDE_PRIOR
-from curvescan.odometry.measurement import SURE, GatedMatch, gate, log_odds_of_best
+from curvescan.odometry.measurement import CERTAIN, SURE, GatedMatch, gate, log_odds_of_best
 from curvescan.odometry.motion_model import LONGEST_STEP
 from curvescan.odometry.observation import Gap, Keyframe, Localization, Observation, Placement
 from curvescan.odometry.step import StepOutcome
@@ -27,15 +27,11 @@ there; but it scores no more."""
 _NEAR_M, _NEAR_RAD = 0.5, 0.5
 """Expected motion, metres and radians, from which on a view may change so much by itself."""
 
-_CERTAIN = 3.5
-"""Log odds (0.97) at which one match closes a gap, and the most that one gives."""
-
 _NOTHING = -2.0
 """Log odds of a scan that has nothing to compare with what was in use."""
 
 LOST_COVARIANCE = np.diag([LONGEST_STEP**2, LONGEST_STEP**2, math.pi**2])
 """Covariance of a motion of which nothing is known: a kilometre, half a turn."""
-LOST_COVARIANCE.setflags(write=False)
 
 
 def open_gap(o: Observation, last: Localization, log_odds: float = 0.0) -> Gap | None:
@@ -57,7 +53,7 @@ def settle_gap(o: Observation, placement: Placement, *, is_counted: bool = True)
     found, said, keyframe = _best_match(o, placement, gap)
     n_scans, longest = gap.n_scans + is_counted, o.config.keyframes.max_gap
     log_odds, is_last = gap.log_odds + said / longest, n_scans > longest  # scans of one place err alike: their mean
-    if found is not None and (said >= _CERTAIN or (is_last and log_odds > 0.0)):
+    if found is not None and (said >= CERTAIN or (is_last and log_odds > 0.0)):
         joined = Localization(
             keyframe=keyframe, pose_keyframe_scan=found.pose_keyframe_scan, is_measured=found.is_fully_observed
         )
@@ -100,7 +96,7 @@ def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMa
 
     Between them what the matches say: log odds that the sensor is still near.
     """
-    best, said, keyframe = None, -_CERTAIN, gap.before[0]
+    best, said, keyframe = None, -CERTAIN, gap.before[0]
     for one in gap.before:
         expected = placement.localization.relative_to(one)
         expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
@@ -109,8 +105,7 @@ def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMa
         result = o.matching.matcher.match(one.scan.features, placement.current.features, known)
         gated = gate(result, expected, o.config.motion)
         if gated.is_plausible and (best is None or result.confidence > best.result.confidence):
-            best, keyframe = gated, one
-            said = _log_odds(result.confidence)
+            best, said, keyframe = gated, _log_odds(result.confidence), one
         elif best is None and not result.ok:
             said = max(said, min(log_odds_of_best(result), 0.0) if result.candidates else _NOTHING)
     return best, said, keyframe
@@ -135,7 +130,7 @@ def _lost(placement: Placement, gap: Gap) -> Placement:
 
 
 def _log_odds(confidence: float) -> float:
-    """Return the log odds of a match, within +-_CERTAIN; of a matcher that gives no confidence the greatest."""
+    """Return the log odds of a match, within +-CERTAIN; of a matcher that gives no confidence the greatest."""
     if not 0.0 < confidence < 1.0:  # 1 is rounded, 0 is no match
-        return -_CERTAIN if confidence == 0.0 else _CERTAIN
-    return max(min(math.log(confidence / (1.0 - confidence)), _CERTAIN), -_CERTAIN)
+        return -CERTAIN if confidence == 0.0 else CERTAIN
+    return max(min(math.log(confidence / (1.0 - confidence)), CERTAIN), -CERTAIN)

@@ -31,6 +31,10 @@ _NEAR = 0.3
 """Metres along an open direction from which on a pose was compared where the sensor is not: so far from there the
 expectation may be."""
 
+CERTAIN = 3.5
+"""Log odds (0.97) at which one match closes a gap, the most that one gives, and by which a pose elsewhere must be
+likelier than one where the motion leads."""
+
 _VAGUE_SIGMA = 0.08
 """Standard deviation of what is expected along a degenerate direction from which on the scans are matched without a
 guess, metres: below it they say nothing new, and what they say again and again of one keyframe errs alike."""
@@ -130,9 +134,8 @@ class Matching:
     ) -> GatedMatch:
         """Return a match compared with what is expected of it, the last scan being at `origin` of the reference.
 
-        Another odometry is asked where the laser alone leaves a doubt: where the match fails, contradicts the last
-        motion or leaves a direction open, or where the guess decided it and the other odometry contradicts it. A match
-        that is sure is the same with and without it.
+        Another odometry is asked where the laser alone leaves a doubt or contradicts it: people who walk along hide the
+        motion. A match that is sure and does not contradict it is the same with and without it.
         """
         motion, min_score = self.config.motion, self.config.keyframes.min_score
         expected = compose(origin, prediction.motion)
@@ -141,13 +144,11 @@ class Matching:
         repeated = compose(origin, prediction.repeated)
         alone = self._gated(reference, current, repeated).made_without(expected, motion)
         is_sure = alone.is_fully_observed and alone.is_plausible
-        if is_sure and not (alone.is_prior_rejected and alone.result.is_guess_decisive):
+        if is_sure and not alone.is_prior_rejected:
             return alone
         guided = self._gated(reference, current, expected, repeated)
         if is_sure:
-            # only the guess decided it: another one that is expected, too, must explain more
-            is_better = guided.is_better_than(alone, 1.0) and not guided.is_prior_rejected
-            return guided if is_better else alone
+            return guided if guided.is_plausible and not guided.is_prior_rejected else alone
         return alone if alone.is_better_than(guided, min_score) else guided
 
     def match_around(
@@ -212,29 +213,38 @@ def unguided_measurement(result: MatchResult) -> UncertainPose | None:
 
 
 def decided_by_expectation(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> MatchResult:
-    """Return a match that failed as a good one where its best pose explains the scans and lies where expected.
+    """Return a match as that of its likeliest pose where it was expected, unless one elsewhere is far likelier.
 
-    Without a guess such a pose would be one of several, or chance. Of scans of one place in a row it is right.
+    Without a guess it would be one of several, or chance. Of scans in a row it is right: what moves along with a
+    sensor explains them elsewhere.
     """
-    if result.ok or not result.candidates or not result.score >= config.expected_score:
+    if not result.candidates or not result.score >= config.expected_score:
+        return result
+    if result.ok and fuse(expected, as_measurement(result))[1] <= config.motion_gate_chi2:
         return result
     best = result.candidates[0]
-    direction, near = best.degenerate_direction, best.covariance
-    if _n_known(best) < 3 - (direction is not None):
-        return result
-    if direction is not None and _n_known(best) < 3:
-        near = near - (1.0 - _NEAR**2) * np.outer(direction, direction)
-    if fuse(expected, UncertainPose(best.pose, near))[1] > config.motion_gate_chi2:
-        return result
-    return replace(
-        result,
-        outcome=Outcome.MATCHED,
-        pose=best.pose,
-        covariance=best.covariance,
-        n_matched=best.n_matched,
-        degenerate_direction=direction,
-        confidence=1.0 / (1.0 + math.exp(-log_odds_of_best(result))),
-    )
+    for one in result.candidates:
+        if (one is best or one.log_odds > max(best.log_odds - CERTAIN, 0.0)) and _lies_near(one, expected, config):
+            rivals = sum(math.exp(other.log_odds - CERTAIN) for other in result.candidates if other is not one)
+            return replace(
+                result,
+                outcome=Outcome.MATCHED,
+                pose=one.pose,
+                covariance=one.covariance,
+                n_matched=one.n_matched,
+                degenerate_direction=one.degenerate_direction,
+                score=result.score * min(one.n_matched / max(best.n_matched, 1), 1.0),
+                confidence=1.0 / (1.0 + (1.0 + rivals) * math.exp(-one.log_odds)),
+            )
+    return result
+
+
+def _lies_near(one: Candidate, expected: UncertainPose, config: MotionConfig) -> bool:
+    """Return whether a pose that may be right lies where it was expected."""
+    direction, near, n_known = one.degenerate_direction, one.covariance, _n_known(one)
+    if direction is not None and n_known < 3:
+        near, n_known = near - (1.0 - _NEAR**2) * np.outer(direction, direction), n_known + 1
+    return n_known == 3 and fuse(expected, UncertainPose(one.pose, near))[1] <= config.motion_gate_chi2
 
 
 def log_odds_of_best(result: MatchResult) -> float:

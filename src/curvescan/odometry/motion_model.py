@@ -25,8 +25,9 @@ _WHEEL_FLOOR = 0.003
 _MAX_STRETCH = 20
 """A pause longer than this many scans counts as this many."""
 
-_LEAST_NOISE, _MOST_NOISE = 0.1, 100.0
-"""Limits of the variance of another odometry, in those of the configuration."""
+_LEAST_NOISE, _MOST_ERROR = 0.1, 4.0
+"""Least variance of another odometry, in those of the configuration, and the most that the square of one error counts,
+in the variance: a slip is not a habit, nor is one that people who walk along feign."""
 
 _MOVING = 3
 """Wheels that report the very pose of the scan before, after a motion longer than this many times the least change
@@ -195,13 +196,13 @@ class MotionModel:
     def _learned_noise(self, prediction: Prediction, motion: Pose) -> tuple[float, float]:
         """Return the noise of the other odometry after one more error of it."""
         x, y, theta = se2.between(prediction.motion.pose, motion).tolist()
-        cov, most = prediction.motion.cov, self.config.motion_gate_chi2  # one slip is not a habit
+        cov, memory = prediction.motion.cov, self.config.memory
         errors = (0.5 * (x * x + y * y) / cov[0, 0], theta * theta / cov[2, 2])
         translation, turn = (
-            old * (1.0 + (min(error, most) - 1.0) / self.config.memory)
+            max(old * (1.0 + (min(error, _MOST_ERROR) - 1.0) / memory), _LEAST_NOISE)
             for old, error in zip(self.odometry_noise, errors, strict=True)
         )
-        return (min(max(translation, _LEAST_NOISE), _MOST_NOISE), min(max(turn, _LEAST_NOISE), _MOST_NOISE))
+        return translation, turn
 
     def _learned_ways(self, prediction: Prediction, motion: Pose) -> tuple[float, float]:
         """Return the ways by matches and by the other odometry after one more step, which it may not contradict."""

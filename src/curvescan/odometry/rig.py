@@ -284,10 +284,8 @@ def poses_at(track: Trajectory, stamps: Floats) -> Pose:
     known = np.isfinite(track.poses).all(axis=1)
     if not known.any():
         return np.full((len(stamps), 3), np.nan)
-    x, y, theta = track.poses[known].T
-    columns = [
-        np.interp(stamps, track.stamps[known], column, left=np.nan, right=np.nan) for column in (x, y, np.unwrap(theta))
-    ]
+    times, (x, y, theta) = track.stamps[known], track.poses[known].T
+    columns = [np.interp(stamps, times, one, left=np.nan, right=np.nan) for one in (x, y, np.unwrap(theta))]
     return np.stack(columns, axis=-1)
 
 

@@ -77,10 +77,8 @@ class RunRecord:
     seconds_to_finish: float = 0.0
 
     def __repr__(self) -> str:
-        n = len(self.outcomes)
-        n_failed = int(np.count_nonzero(self.is_failed))
-        partial = ", interrupted" if self.is_partial else ""
-        return f"RunRecord({self.method!r}: {n:,} scans, {n_failed:,} not matched{partial})"
+        n_failed, partial = int(np.count_nonzero(self.is_failed)), ", interrupted" if self.is_partial else ""
+        return f"RunRecord({self.method!r}: {len(self.outcomes):,} scans, {n_failed:,} not matched{partial})"
 
     @property
     def is_matched(self) -> Bools:
@@ -89,10 +87,7 @@ class RunRecord:
 
     @property
     def is_joined(self) -> Bools:
-        """(n,) whether each pose is a motion away from the one before; False at the first and where it leapt.
-
-        A pose leaps where an earlier keyframe puts the drift since then right.
-        """
+        """(n,) whether each pose is a motion away from the one before; False at the first and where a gap ended."""
         joined = (StepOutcome.MATCHED, StepOutcome.CHAINED)
         return np.array([o in joined for o in self.outcomes], dtype=np.bool_)
 
@@ -227,9 +222,9 @@ def run_odometry(
     on_step: Callable[[Step], None] | None = None,
 ) -> RunRecord:
     """Return the record of an odometry, a fresh one or the default, over a sequence of scans; odometry_poses (n, 3)."""
-    odometry = odometry or Odometry()
-    source = in_turn(odometry, scans, odometry_poses)
-    return record_steps(source, odometry.method, has_prior=odometry_poses is not None, on_step=on_step)
+    engine = odometry or Odometry()
+    source = in_turn(engine, scans, odometry_poses)
+    return record_steps(source, engine.method, has_prior=odometry_poses is not None, on_step=on_step)
 
 
 def without_trace(step: Step) -> Step:
