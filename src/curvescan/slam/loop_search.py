@@ -63,6 +63,7 @@ class LoopSearch:
     def __init__(self, growing: GrowingMap, config: SlamConfig) -> None:
         self.config = config
         self.closures: list[Closure] = []  # candidates that were matched, by the numbers of their keyframes
+        self.is_urgent = False  # whether a loop closed that the graph did not expect: to be optimized at once
         self._map = growing
         self._queue: deque[Candidate] = deque()
         self._tried: dict[int, set[int]] = {}  # by the number of each keyframe those of others
@@ -194,6 +195,7 @@ class LoopSearch:
     def _accept(self, closure: Closure) -> Closure:
         """Make a closure an edge of the map, and return its record."""
         self._map.close(closure)
+        self.is_urgent |= closure.outcome is ClosureOutcome.AGREED
         return self._log(closure)
 
     def _log(self, closure: Closure) -> Closure:

@@ -47,7 +47,8 @@ _VAGUE = 0.3
 odometry may stand still while the sensor moves."""
 
 _N_LEAST, _GROWTH = 10, 0.05
-"""Keyframes between two optimizations, and share by which the graph grows, at the least."""
+"""Keyframes between two optimizations, and share by which the graph grows, at the least; at once where a loop closes
+that the graph did not expect."""
 
 _N_ADOPT = 60
 """Scans between the start of an optimization and its result."""
@@ -193,11 +194,13 @@ class Slam:
             self._search.renumber(*self._map.thin())
         if self._job is None:
             n_known = self._map.belief.n
-            if self.graph.n_poses - n_known >= max(_N_LEAST, _GROWTH * n_known):
+            is_grown = self.graph.n_poses - n_known >= max(_N_LEAST, _GROWTH * n_known)
+            if self._search.is_urgent or is_grown:
                 self._job, self._job_due = self._begin_job(), self._n_scans + _N_ADOPT
         return is_revised
 
     def _begin_job(self, *, is_last: bool = False) -> Future[tuple[Problem, Cov]]:
+        self._search.is_urgent = False
         return self._beside.submit(solve, Problem.of(self.graph, self._map.current), self.config.noise, is_last)
 
     def _adopt(self) -> None:
