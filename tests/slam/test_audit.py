@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 
 from curvescan import se2
 from curvescan.slam.config import SlamConfig
+from curvescan.slam.loop_search import LoopSearch
 from curvescan.slam.loops.agreement import MOST_LOG_ODDS
 from curvescan.slam.loops.audit import Contradiction, contradictions, groups_against
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
+from curvescan.slam.loops.cycles import Chain
 
 CONFIG = SlamConfig()
 POSES = np.column_stack((np.arange(40) * 0.5, np.zeros(40), np.zeros(40)))
@@ -64,3 +69,31 @@ def test_a_map_that_is_off_by_less_than_half_a_metre_is_not_bent() -> None:
     near = [_refused(2 + k, 30 + k, [0.3, 0.2, 0.0]) for k in range(5)]
     assert len(groups_against(near, POSES, CONFIG)) == 1
     assert _said(near) == []
+
+
+NO = [0.0, 0.0, 0.0]
+
+
+def _lead(known: list[Closure]) -> float:
+    """Return the lead of matches that put the way back of POSES a metre on, over closures that the map follows."""
+    back = np.vstack((POSES[:20], POSES[19::-1]))
+    refused = [replace(_refused(2 + k, 37 - k, NO), pose=np.array([1.0, 0.0, 0.0])) for k in range(5)]
+    ends = np.array([(c.i, c.j) for c in known]).reshape(-1, 2)
+    are_followed = np.ones(len(known), dtype=bool)
+    graph = SimpleNamespace(poses=back, ends=ends, is_closure=are_followed, is_followed=are_followed)
+    chain = Chain.of(back, np.broadcast_to(1e-4 * np.eye(3), (40, 3, 3)))
+    keyframes = SimpleNamespace(numbers=np.arange(40))
+    growing = SimpleNamespace(graph=graph, keyframes=keyframes, chain=lambda: chain)
+    search = LoopSearch(growing, CONFIG)  # type: ignore[arg-type]
+    search.closures = [*refused, *known]
+    ((group, lead),) = search.audit()
+    assert len(group) == 5
+    return lead
+
+
+def test_views_from_afar_do_not_defend_a_map() -> None:
+    """They are found where the graph has them, whether it is right or not."""
+    near = [replace(_refused(3 + k, 35 - k, NO), pose=np.array([0.5, 0.0, 0.0]), expectation=6.0) for k in range(2)]
+    far = [replace(_refused(3 + k, 28 - k, NO), pose=np.array([4.0, 0.0, 0.0]), expectation=6.0) for k in range(2)]
+    assert _lead(far) == _lead([])
+    assert _lead(near) < _lead([]) - 8.0

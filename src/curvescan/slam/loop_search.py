@@ -117,18 +117,16 @@ class LoopSearch:
         pairs = np.array(list(latest)).reshape(-1, 2)
         is_tried = is_loop(*pairs.T) & (pairs >= 0).all(axis=1)
         tried = {(i, j): replace(latest[i, j], i=i, j=j) for i, j in pairs[is_tried].tolist()}
-        known = [c for pair, c in tried.items() if pair in followed]
+        # views from afar are found where the graph expects them: they neither dispute it nor defend it
+        near = {pair: c for pair, c in tried.items() if is_near(UncertainPose(c.pose, c.covariance), self.config)}
+        known = [c for pair, c in near.items() if pair in followed]
         ends = np.array([(c.i, c.j) for c in known]).reshape(-1, 2)
-        refused = [
-            c
-            for pair, c in tried.items()
-            if pair not in followed and is_near(UncertainPose(c.pose, c.covariance), self.config)
-        ]
+        refused = [c for pair, c in near.items() if pair not in followed]
         found = []
         for group in groups_against(refused, growing.graph.poses, self.config):
             beside = np.abs(ends[:, np.newaxis] - [(one.i, one.j) for one in group]).max(axis=2).min(axis=1) <= N_NEAR
-            near = [known[k] for k in np.flatnonzero(beside).tolist()]
-            found.append((group, log_odds_of(group, near, ways, self.config)))
+            against = [known[k] for k in np.flatnonzero(beside).tolist()]
+            found.append((group, log_odds_of(group, against, ways, self.config)))
         return found
 
     def _edges(self, *, is_followed: bool) -> set[tuple[int, int]]:
