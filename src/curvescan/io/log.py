@@ -235,12 +235,12 @@ class HeldLog(LogView):
         super().__init__(log)
         self._max_bytes = max_bytes
         self._scans: list[LaserScan] | None = None
-        self._is_too_large = False
+        self._is_read_anew = False
 
     def __iter__(self) -> Iterator[LaserScan]:
         if self._scans is not None:
             return map(copy, self._scans)
-        return iter(self._log) if self._is_too_large else self._read()
+        return iter(self._log) if self._is_read_anew else self._read()
 
     def _read(self) -> Iterator[LaserScan]:
         scans: list[LaserScan] = []
@@ -254,12 +254,12 @@ class HeldLog(LogView):
                 if left < 0:
                     scans.clear()
             yield scan
-        self._is_too_large = left < 0
+        self._is_read_anew = left < 0
         if left >= 0:
             self._scans, below = scans, self._log
             while isinstance(below, LogView):
                 if isinstance(below, HeldLog):
-                    below._scans, below._is_too_large = None, True
+                    below._scans, below._is_read_anew = None, True
                 below = below._log
 
     def _scan_at(self, i: int) -> LaserScan:

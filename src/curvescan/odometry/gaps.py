@@ -32,6 +32,7 @@ _NOTHING = -2.0
 
 LOST_COVARIANCE = np.diag([LONGEST_STEP**2, LONGEST_STEP**2, math.pi**2])
 """Covariance of a motion of which nothing is known: a kilometre, half a turn."""
+LOST_COVARIANCE.setflags(write=False)
 
 
 def open_gap(o: Observation, last: Localization, log_odds: float = 0.0) -> Gap | None:
