@@ -12,6 +12,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.scan import LaserScan
 from curvescan.slam.map_file import read_map_file, write_map_file
+from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.types import Cov, Floats, Ints, Pose, PoseEdge
 
 
@@ -73,6 +74,16 @@ class SlamMap:
         for k in np.flatnonzero(self.weights > 0.5).tolist():
             i, j = self.ends[k].tolist()
             yield PoseEdge(i=i, j=j, pose=self.measured[k], covariance=self.edge_covariances[k])
+
+    def graph(self) -> PoseGraph:
+        """Return the poses and the edges as a graph of their own."""
+        graph = PoseGraph()
+        for pose in self.poses:
+            graph.add_pose(pose)
+        edges = zip(self.ends.tolist(), self.measured, self.edge_covariances, self.kinds, self.weights, strict=True)
+        for (i, j), *edge in edges:
+            graph.add_edge(i, j, *edge)
+        return graph
 
     def occupancy(self, config: OccupancyConfig | None = None) -> OccupancyGrid:
         """Return the occupancy that was stored; with a config, or where none was, that of the keyframes."""

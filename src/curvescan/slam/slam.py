@@ -12,6 +12,7 @@ import os
 import sys
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from copy import deepcopy
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -31,7 +32,7 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
-from curvescan.slam.jobs import Problem, solve
+from curvescan.slam.jobs import Solution, solve
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import Beside, LoopSearch
 from curvescan.slam.loops.audit import Contradiction
@@ -40,7 +41,7 @@ from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.open_drive import UNMEASURED, OpenDrive, between_steps
 from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.records import Records
-from curvescan.types import Cov, Ints, Pose
+from curvescan.types import Ints, Pose
 
 _VAGUE = 0.3
 """A new keyframe is due when the way since the last one is known no better than this, metres: along a bare corridor the
@@ -100,7 +101,7 @@ class Slam:
         self._n_lost = self._n_most_lost = 0  # scans that nothing places, now and since the current keyframe
         self._n_scans = 0
         self._beside = ThreadPoolExecutor(1, thread_name_prefix="curvescan-slam")
-        self._job: Future[tuple[Problem, Cov]] | None = None
+        self._job: Future[Solution] | None = None
         self._job_due = 0
         self._contradictions: tuple[Contradiction, ...] = ()
 
@@ -199,14 +200,14 @@ class Slam:
                 self._job, self._job_due = self._begin_job(), self._n_scans + _N_ADOPT
         return is_revised
 
-    def _begin_job(self, *, is_last: bool = False) -> Future[tuple[Problem, Cov]]:
+    def _begin_job(self, *, is_last: bool = False) -> Future[Solution]:
         self._search.is_urgent = False
-        return self._beside.submit(solve, Problem.of(self.graph, self._map.current), self.config.noise, is_last)
+        return self._beside.submit(solve, deepcopy(self.graph), self._map.current, self.config.noise, is_last)
 
     def _adopt(self) -> None:
         """Take the result of the optimization under way, if one is."""
         if self._job is not None:
-            self._map.adopt(*self._job.result())
+            self._map.adopt(self._job.result())
             self._job = None
 
     def finish(self, beside: Beside = partial) -> Trajectory:
@@ -228,7 +229,7 @@ class Slam:
         return self.trajectory()
 
     def _settle(self) -> None:
-        self._map.adopt(*self._begin_job(is_last=True).result())
+        self._map.adopt(self._begin_job(is_last=True).result())
 
     def trajectory(self) -> Trajectory:
         """Return every pose so far, in the map as it is now."""

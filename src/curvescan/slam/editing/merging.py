@@ -14,7 +14,6 @@ from curvescan.odometry.measurement import as_measurement
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.editing.edits import solved
 from curvescan.slam.editing.operations import part_of
-from curvescan.slam.jobs import Problem
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.grid_map import map_of_grid
 from curvescan.slam.map import SlamMap
@@ -69,7 +68,7 @@ def _joined(one: SlamMap, other: SlamMap, pairs: Ints, measured: Pose, covarianc
         kinds=np.concatenate([one.kinds, other.kinds, np.full(len(pairs), EdgeKind.CLOSURE)]),
         weights=np.concatenate([one.weights, other.weights, np.ones(len(pairs))]),
     )
-    return solved(both, Problem.of(both), config)
+    return solved(both, both.graph(), config)
 
 
 def in_one_frame(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> tuple[SlamMap, SlamMap]:

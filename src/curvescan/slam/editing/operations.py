@@ -68,15 +68,13 @@ def rubbed_out(slam_map: SlamMap, box: Box) -> SlamMap:
 
 
 def part_of(slam_map: SlamMap, rows: Ints) -> SlamMap:
-    """Return some keyframes and the edges between them; a first one that goes takes the frame's exact pose along."""
-    row_of = np.full(len(slam_map), -1)
-    row_of[rows] = np.arange(len(rows))
-    ends = row_of[slam_map.ends]
-    kept = np.flatnonzero((ends >= 0).all(axis=1))
-    of_edges = {n: getattr(slam_map, n)[kept] for n in ("measured", "edge_covariances", "kinds", "weights")}
-    of_poses = {n: getattr(slam_map, n)[rows] for n in ("poses", "covariances", "indices", "sessions")}
+    """Return some keyframes, rising rows, and the edges between them; a first one that goes takes the frame's exact pose along."""
+    graph, is_kept = slam_map.graph(), np.isin(np.arange(len(slam_map)), rows)
+    graph.keep_edges(np.all(is_kept[graph.ends], axis=1))
+    graph.keep_poses(is_kept)
+    of_poses = {n: getattr(slam_map, n)[rows] for n in ("covariances", "indices", "sessions")}
     scans = tuple(slam_map.scans[k] for k in rows.tolist())
-    return replace(slam_map, scans=scans, ends=ends[kept], grid=None, **of_edges, **of_poses)
+    return replace(slam_map, scans=scans, grid=None, **of_poses, **graph.arrays())
 
 
 def _without_readings(slam_map: SlamMap, is_gone: Callable[[Points], Bools]) -> SlamMap:
