@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from curvescan import se2
 from curvescan.configs import as_config
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import DEFAULT_METHOD
@@ -112,7 +111,6 @@ class Localizer:
         if not keeps_odometry:
             self.odometry = Odometry(self.method, matcher=self._matcher, config=self.config.odometry)
             self._deskewer = Deskewer()
-            self._last: Step | None = None  # of the scan before
         self._here: UncertainPose | None = None  # at the last scan matched with the map
         self._keyframe = -1  # that it was matched with
         self._anchor: Step | None = None  # the odometry's step of that scan
@@ -143,21 +141,8 @@ class Localizer:
             self._prior = self._prior.moved(moved, is_doubtful=is_unmeasured)
         self._is_told = False
         if self._here is None or self._anchor is None:
-            localized = self._look(scan, step)
-        else:
-            localized = self._track(scan, step, self._here, self._anchor)
-        self._last = step
-        return localized
-
-    def locate(self, scan: LaserScan) -> tuple[Hit, ...]:
-        """Return where one scan alone is in the map: matches with keyframes there; none where it is not sure.
-
-        Parameters
-        ----------
-        scan : LaserScan
-            Any scan, also one of another session.
-        """
-        return tuple(self._confirmed(scan, self._search.look(scan).winner))
+            return self._look(scan, step)
+        return self._track(scan, step, self._here, self._anchor)
 
     def _look(self, scan: LaserScan, step: Step) -> Step:
         """Look for the sensor in the whole map."""
@@ -192,7 +177,7 @@ class Localizer:
         if hits:
             now, _ = fuse(self._matching.seen_from(expected, self._keyframe, hits[0]), fused(hits))
         fit = field.agreement(points, now.pose).score
-        view = said(contour_length(points), fit)
+        view = said(contour_length(points), fit).by_walls
         prior = float(self._search.known(self._prior, now.pose[np.newaxis])[0])
         if hits and fit > 0.0 and (alone is None or alone.is_best(now.pose, view + prior)):
             return self._take(step, StepOutcome.TRACKED, now, hits, view)
@@ -226,9 +211,7 @@ class Localizer:
 
     def _deskewed(self, scan: LaserScan, step: Step) -> LaserScan:
         """Return the scan as the map's keyframes are: deskewed by the motion since the one before."""
-        if self._last is None or not self.config.odometry.deskew:
-            return scan
-        return self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
+        return self._deskewer.deskewed(scan, step.motion) if self.config.odometry.deskew else scan
 
     def _is_near(self, moved: UncertainPose, share: float) -> bool:
         """Return whether a motion is less than a share of what makes a new keyframe due."""

@@ -96,7 +96,6 @@ class Slam:
         self._records = Records()
         self._deskewer = Deskewer()
         self._open_drive = OpenDrive()
-        self._last: Step | None = None
         self._origin: Step | None = None  # the step of the current keyframe
         self._n_lost = self._n_most_lost = 0  # scans that nothing places, now and since the current keyframe
         self._n_scans = 0
@@ -142,7 +141,6 @@ class Slam:
                 seen = self._begin_fragment(scan, step, se2.compose(self._map.current_in_map().pose, seen.pose))
             elif self._is_due(seen) and (step.is_driven or not step.is_unsettled):
                 seen = self._make_keyframe(scan, step, seen)
-        self._last = step
         self._n_scans += 1
         self._records.add(step.stamp, seen)
         closures = self._search.work(step.index, self.config.closures.matches_per_scan)
@@ -165,9 +163,8 @@ class Slam:
         return float(seen.cov[0, 0] + seen.cov[1, 1]) >= _VAGUE**2
 
     def _make_keyframe(self, scan: LaserScan, step: Step, seen: UncertainPose) -> UncertainPose:
-        assert self._last is not None
         if self.config.odometry.deskew:
-            scan = self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
+            scan = self._deskewer.deskewed(scan, step.motion)
         k = self._map.append(scan, step.index, seen)
         self._search.enqueue(k)
         return self._hang_on(k, step, seen)
