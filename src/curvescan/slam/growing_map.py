@@ -14,13 +14,14 @@ from curvescan import se2
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.jobs import Solution, covariances_seen_from
+from curvescan.slam.jobs import Solution
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.belief import Belief
 from curvescan.slam.loops.closures import Closure, difference, measured
 from curvescan.slam.loops.cycles import Chain
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, components
+from curvescan.slam.pose_graph.posterior import covariances_seen_from
 from curvescan.slam.thinning import Heir, thin, with_heirs
 from curvescan.types import Bools, Cov, Pose
 

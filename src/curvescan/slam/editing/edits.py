@@ -24,16 +24,20 @@ from curvescan.mapping.map_server import write_map
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import MatchResult, match
 from curvescan.odometry.measurement import as_measurement
-from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.jobs import covariances_seen_from, optimized
+from curvescan.slam.config import GATE, NoiseConfig
+from curvescan.slam.jobs import optimized
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
+from curvescan.slam.pose_graph.posterior import covariances_seen_from
 from curvescan.types import Cov, Pose
 
 _VERSION = 1
 _KINDS = ("drop", "add", "pin", "forbid")
 _PINNED = np.diag([1e-6, 1e-6, 1e-6])
 """Covariance of a pinned keyframe seen from the first one: a millimetre and a milliradian."""
+
+NOISE = NoiseConfig()
+"""What the covariances of matches leave out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +62,7 @@ class Edit:
             raise InvalidArgumentError('an edit that adds needs its "pose" and "covariance"')
 
 
-def edited(slam_map: SlamMap, edits: Sequence[Edit], config: SlamConfig | None = None) -> SlamMap:
+def edited(slam_map: SlamMap, edits: Sequence[Edit]) -> SlamMap:
     """Return a map with its graph edited and optimized again; its occupancy is made anew of the keyframes.
 
     Raises InvalidArgumentError when an edit names what the map does not have.
@@ -68,7 +72,7 @@ def edited(slam_map: SlamMap, edits: Sequence[Edit], config: SlamConfig | None =
     graph = slam_map.graph()
     for edit in edits:
         _apply(graph, edit)
-    return solved(slam_map, graph, config or SlamConfig())
+    return solved(slam_map, graph)
 
 
 def _apply(graph: PoseGraph, edit: Edit) -> None:
@@ -99,7 +103,7 @@ def _tie(graph: PoseGraph, i: int, j: int, pose: Pose, covariance: Cov) -> None:
     graph.add_edge(i, j, pose, covariance, EdgeKind.CLOSURE, least=1.0)
 
 
-def solved(slam_map: SlamMap, graph: PoseGraph, config: SlamConfig) -> SlamMap:
+def solved(slam_map: SlamMap, graph: PoseGraph) -> SlamMap:
     """Return a map with another graph, optimized to the end, every closure reconsidered.
 
     A false closure may have taken the weight of right ones. So the graph is optimized twice, once from the weights of
@@ -108,21 +112,19 @@ def solved(slam_map: SlamMap, graph: PoseGraph, config: SlamConfig) -> SlamMap:
     optima = [optimized(graph, weights=weights) for weights in (graph.weights, None)]
     optimum = min(optima, key=lambda found: float(np.minimum(found.distances, GATE).sum()))
     graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
-    covariances = covariances_seen_from(graph, 0, config.noise)
+    covariances = covariances_seen_from(graph, 0, NOISE)
     return replace(slam_map, covariances=covariances, grid=None, **graph.arrays())
 
 
-def ask_match(slam_map: SlamMap, i: int, j: int, config: SlamConfig | None = None) -> tuple[MatchResult, Edit | None]:
+def ask_match(slam_map: SlamMap, i: int, j: int) -> tuple[MatchResult, Edit | None]:
     """Return the match of keyframe j with i without a guess, and the edit that adds it; None where it fails."""
     if not (0 <= i < len(slam_map) and 0 <= j < len(slam_map)) or i == j:
         raise InvalidArgumentError(f"a match takes two keyframes of 0 to {len(slam_map) - 1}, got {i} and {j}")
     result = match(slam_map.scans[i], slam_map.scans[j])
     if not result.ok:
         return result, None
-    covariance = (config or SlamConfig()).noise.edge(as_measurement(result).cov)
-    return result, Edit(
-        do="add", i=i, j=j, pose=tuple(result.pose.tolist()), covariance=tuple(covariance.ravel().tolist())
-    )
+    pose, covariance = result.pose.tolist(), NOISE.edge(as_measurement(result).cov).ravel().tolist()
+    return result, Edit(do="add", i=i, j=j, pose=tuple(pose), covariance=tuple(covariance))
 
 
 def added(slam_map: SlamMap, i: int, j: int) -> Edit:

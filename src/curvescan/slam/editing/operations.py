@@ -18,6 +18,9 @@ from curvescan.types import Bools, Ints, Points
 _TOLERANCE_CELLS = 3
 """What lies within so many cells of an obstacle of the other map has not changed: maps differ by their noise."""
 
+_LEAST_AREA = 0.02
+"""Square metres: what is smaller is no change."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
@@ -68,7 +71,7 @@ def rubbed_out(slam_map: SlamMap, box: Box) -> SlamMap:
 
 
 def part_of(slam_map: SlamMap, rows: Ints) -> SlamMap:
-    """Return some keyframes, rising rows, and the edges between them; a first one that goes takes the frame's exact pose along."""
+    """Return some keyframes, by rising rows, and the edges between them; the first may go with its exact pose."""
     graph, is_kept = slam_map.graph(), np.isin(np.arange(len(slam_map)), rows)
     graph.keep_edges(np.all(is_kept[graph.ends], axis=1))
     graph.keep_poses(is_kept)
@@ -93,7 +96,7 @@ def map_points(slam_map: SlamMap) -> Points:
     return np.concatenate([np.empty((0, 2)), *seen])
 
 
-def changes(before: OccupancyGrid, after: OccupancyGrid, *, least_area: float = 0.02) -> list[Change]:
+def changes(before: OccupancyGrid, after: OccupancyGrid) -> list[Change]:
     """Return what stands in one map where the other saw free space, largest first; both in one frame."""
     from scipy import ndimage
 
@@ -107,7 +110,7 @@ def changes(before: OccupancyGrid, after: OccupancyGrid, *, least_area: float = 
         labels[~changed] = 0
         areas = cell**2 * np.bincount(labels.ravel())
         for k, place in enumerate(ndimage.find_objects(labels), start=1):
-            if place is not None and areas[k] >= least_area:
+            if place is not None and areas[k] >= _LEAST_AREA:
                 rows, columns = place
                 x0, y0, x1, y1 = columns.start, rows.start, columns.stop, rows.stop
                 box = (np.array([x0, y0, x1, y1]) + np.tile(low, 2)) * cell

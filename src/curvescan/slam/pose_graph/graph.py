@@ -145,10 +145,6 @@ def components(ends: Ints, n_poses: int) -> Ints:
     return np.asarray(labels, dtype=np.int64)
 
 
-def anchors_of(labels: Ints, preferred: Ints | None = None) -> Ints:
-    """Return one pose of each component, in the order of the components: a preferred one, or else the first."""
-    _, first = np.unique(labels, return_index=True)
-    anchors = first.astype(np.int64)
-    if preferred is not None:
-        anchors[labels[preferred][::-1]] = preferred[::-1]
-    return anchors
+def first_of_each(labels: Ints) -> Ints:
+    """Return the first pose of each component, in the order of the components."""
+    return np.unique(labels, return_index=True)[1].astype(np.int64)
