@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from curvescan.configs import as_config
 from curvescan.mapping.occupancy import OccupancyGrid
-from curvescan.matchers import DEFAULT_METHOD
+from curvescan.matchers import DEFAULT_METHOD, find_matcher
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
@@ -64,8 +64,6 @@ class Localizer:
         Its configuration.
     config : SlamConfig or None
         None for the defaults.
-    n_tried : int
-        Poses that a scan is held against in detail while the sensor is searched for.
     """
 
     def __init__(
@@ -75,19 +73,17 @@ class Localizer:
         method: str = DEFAULT_METHOD,
         matcher: MatcherConfig | None = None,
         config: SlamConfig | Mapping[str, Any] | None = None,
-        n_tried: int = 12,
     ) -> None:
         hint = "the configuration of the matcher is given as matcher="
         rules = as_config(config, SlamConfig(), hint=hint)
         slam_map, field, self.config = with_field(opened(slam_map), rules)
         self.map = slam_map
-        self.method, self._matcher, self._n_tried = method, matcher, n_tried
-        n_prepared = max(self.config.keyframes.n_prepared, len(slam_map))
-        self._keyframes = Keyframes(method, matcher, n_prepared)
+        self.method, self._matcher = method, matcher
+        self._keyframes = Keyframes(find_matcher(method, matcher, name="matcher"))
         for k, scan in enumerate(slam_map.scans):
             self._keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
         self._matching = MapMatcher(slam_map, self._keyframes, self.config, field)
-        self._search = MapSearch(field, slam_map.poses, self._keyframes, n_tried)
+        self._search = MapSearch(field, slam_map.poses, self._keyframes)
         self.reset()
 
     def __repr__(self) -> str:
@@ -159,7 +155,7 @@ class Localizer:
             if self._is_near(before[1], 0.7):
                 return self._at(step, StepOutcome.SEARCHING)
         self._is_torn = False
-        similar = self._matching.similar(scan, self._n_tried)
+        similar = self._matching.similar(scan)
         views = self._search.look(scan, prior=self._prior, before=before, matched=similar)
         self._views = views, step
         hits = self._confirmed(scan, views.winner)

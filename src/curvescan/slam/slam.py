@@ -85,7 +85,7 @@ class Slam:
         self.config = as_config(config, SlamConfig(), hint=hint)
         self.method = method
         self.odometry = Odometry(method, matcher=matcher, config=self.config.odometry)
-        self.keyframes = Keyframes(method, matcher, self.config.keyframes.n_prepared)
+        self.keyframes = Keyframes(self.odometry.matcher)
         self._map = GrowingMap(self.keyframes, self.config)
         self._search = LoopSearch(self._map, self.config)
         self._session = 0

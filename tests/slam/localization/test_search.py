@@ -7,6 +7,7 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.matchers import find_matcher
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamMap
 from curvescan.slam.keyframes import Keyframes
@@ -154,7 +155,7 @@ def test_a_place_is_best_by_the_margin() -> None:
 @pytest.mark.slow
 def test_support_is_carried_on_by_the_motion(stored: SlamMap, field: DistanceField) -> None:
     poses = lap()[[10, 20, 30]]
-    search = MapSearch(field, stored.poses, Keyframes("curvescan", None, 1), 5)
+    search = MapSearch(field, stored.poses, Keyframes(find_matcher("curvescan")))
     supports: list[Said] = []
     views = None
     for k, scan in enumerate(scans(poses, seed=2)):

@@ -10,6 +10,7 @@ from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.mapping.grid_editing import moved
 from curvescan.mapping.occupancy import OccupancyGrid
+from curvescan.matchers import DEFAULT_METHOD, find_matcher
 from curvescan.odometry.measurement import as_measurement
 from curvescan.slam.editing.edits import NOISE, solved
 from curvescan.slam.editing.operations import part_of
@@ -85,7 +86,7 @@ def laid_on(one: OccupancyGrid, other: OccupancyGrid) -> OccupancyGrid:
 
 def _matches(one: SlamMap, other: SlamMap) -> tuple[Ints, Pose, Cov]:
     """Return (k, 2) keyframes of both maps that match without a guess, (k, 3) poses, (k, 3, 3) their covariances."""
-    known = Keyframes("curvescan", None, len(one))
+    known = Keyframes(find_matcher(DEFAULT_METHOD))
     for k, scan in enumerate(one.scans):
         known.add(scan, k)
     pairs, poses, covariances = [], [], []

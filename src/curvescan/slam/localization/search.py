@@ -27,7 +27,7 @@ from curvescan.slam.localization.correlative import (
     thinned,
 )
 from curvescan.slam.localization.field import DistanceField, points_of
-from curvescan.slam.localization.matching import SCORE, Hit
+from curvescan.slam.localization.matching import N_TRIED, SCORE, Hit
 from curvescan.slam.localization.prior import LOG_ODDS, Prior
 from curvescan.types import Floats, Ints, Points, Pose
 
@@ -100,14 +100,14 @@ class Views:
 class MapSearch:
     """Looks for a sensor in a map.
 
-    poses (n, 3): Of the keyframes; n_tried: Places that are followed.
+    poses (n, 3): Of the keyframes.
     """
 
-    def __init__(self, field: DistanceField, poses: Pose, keyframes: Keyframes, n_tried: int) -> None:
+    def __init__(self, field: DistanceField, poses: Pose, keyframes: Keyframes) -> None:
         from scipy.spatial import cKDTree  # loads for a good part of a second
 
         self.field = field
-        self._keyframes, self._n_tried = keyframes, n_tried
+        self._keyframes = keyframes
         self._places = field.places(STEP_M, clearance=0.5 * STEP_M)
         self._nearest: Ints = cKDTree(poses[:, :2]).query(self._places)[1].astype(np.int64)
 
@@ -127,10 +127,10 @@ class MapSearch:
         points = points_of(scan)
         few, contour = thinned(points), contour_length(points)
         # walls alone are ended on elsewhere as well: of more poses the free space between them chooses
-        poses = likely_poses(self.field, self._places_like(scan), few, _N_LIKELY * self._n_tried)
+        poses = likely_poses(self.field, self._places_like(scan), few, _N_LIKELY * N_TRIED)
         if prior is not None:
             near = np.ascontiguousarray(self._places[prior.is_near(self._places)])
-            poses = np.concatenate((poses, likely_poses(self.field, near, few, self._n_tried)))
+            poses = np.concatenate((poses, likely_poses(self.field, near, few, N_TRIED)))
         past = before[0] if before is not None else Views(found=())
         earlier = past.found
         if before is not None and earlier:
@@ -155,7 +155,7 @@ class MapSearch:
             new.append(Place(pose=pose, view=view, support=Said(*support.tolist()), prior=likely))
         new.sort(key=lambda place: (-(place.support.by_all + place.prior), -place.view.by_walls))
         is_nowhere = max((place.view.by_walls for place in new), default=-1.0) < _MARGIN
-        return Views(found=new[: self._n_tried], n_nowhere=past.n_nowhere + is_nowhere)
+        return Views(found=new[:N_TRIED], n_nowhere=past.n_nowhere + is_nowhere)
 
     def known(self, prior: Prior | None, poses: Pose) -> Floats:
         """Return (n,) how much a prior speaks for poses (n, 3), in units of agreement."""
