@@ -94,11 +94,6 @@ class SlamMap:
             builder.add(scan, pose)
         return builder.grid()
 
-    @staticmethod
-    def load(path: str | os.PathLike[str]) -> SlamMap:
-        """Return a map that was saved; see :func:`curvescan.load_map`."""
-        return load_map(path)
-
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the map to a file, conventionally NAME.csmap, in one step; see docs/slam.md for the format.
 
