@@ -179,7 +179,7 @@ class Slam:
 
     def _hang_on(self, k: int, step: Step, way: UncertainPose | None) -> UncertainPose:
         """Let scans hang on keyframe k, made of the scan of a step, and return the step seen from it."""
-        self._records.begin(self.keyframes[k].number, way)
+        self._records.begin(self.keyframes[k].number, None if way is None else way.pose)
         self._origin, self._n_most_lost = step, 0
         self._open_drive = self._open_drive.begun()
         return identity()
