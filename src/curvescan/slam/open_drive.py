@@ -7,12 +7,12 @@ difference of both is how uncertain the way is.
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
+from curvescan import se2
 from curvescan.odometry.step import Step, StepOutcome
 from curvescan.se2.uncertain import UncertainPose, between
 from curvescan.slam.keyframes import is_turn
@@ -65,7 +65,7 @@ class OpenDrive(NamedTuple):
         after = after._replace(is_open=True)
         if step.is_driven:
             return after
-        hidden = _turned(direction @ (self.usual - motion), self.turned)
+        hidden = se2.rotation(self.turned) @ direction @ (self.usual - motion)
         return after._replace(hidden=self.hidden + hidden)
 
     def known(self, motion: UncertainPose) -> UncertainPose:
@@ -98,12 +98,6 @@ def _open_direction(step: Step) -> Floats | None:
     if step.match is None or step.match.degenerate_direction is None or _leaves_turn_open(step):
         return None
     x, y, _ = step.match.degenerate_direction.tolist()  # frame of the keyframe that the match is with
-    seen = _turned(np.array([x, y]), float(step.motion[2] - step.match.pose[2]))
-    way = math.hypot(*seen.tolist())
+    seen = se2.rotation(float(step.motion[2] - step.match.pose[2])) @ (x, y)
+    way = np.linalg.norm(seen)
     return np.outer(seen / way, seen / way)
-
-
-def _turned(vector: Floats, angle: float) -> Floats:
-    c, s = math.cos(angle), math.sin(angle)
-    x, y = vector.tolist()
-    return np.array([c * x - s * y, s * x + c * y])
