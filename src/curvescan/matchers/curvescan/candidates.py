@@ -14,7 +14,7 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess_pose
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, weigh
 from curvescan.matchers.curvescan.assessment.labels import INLIER
-from curvescan.matchers.curvescan.config import AS_GOOD, SAME, CurvescanConfig
+from curvescan.matchers.curvescan.config import SAME, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import N_WIDE, CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.sampling import choose_samples
@@ -143,6 +143,6 @@ def refine_and_weigh(
     return final, scores, evidence, priors, wide_priors
 
 
-def competing_hypotheses(scores: Floats) -> list[int]:
-    """Return the rows of the poses that are as good as the first."""
-    return [k for k in range(1, len(scores)) if scores[k] > AS_GOOD * scores[0]]
+def competing_hypotheses(scores: Floats, as_good: float) -> list[int]:
+    """Return the rows of the poses that are as good as the first, which have that share of its score."""
+    return [k for k in range(1, len(scores)) if scores[k] > as_good * scores[0]]

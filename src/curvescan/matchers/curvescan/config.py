@@ -33,8 +33,9 @@ metres, and half of it in radians, two hypotheses."""
 SAME = 0.1
 """Metres, and half of it in radians, within which two refined poses are one."""
 
-AS_GOOD = 0.93
-"""A pose with this share of the best score is as good."""
+AS_GOOD, AS_GOOD_FOR_FEW = 0.93, 0.98
+"""A pose with this share of the best score is as good; the second where a few readings fix the best to a centimetre,
+which are few of all."""
 
 ARM = 0.12
 """Half the length of the shortest line through readings, metres: so wide is a wall as well."""

@@ -89,7 +89,7 @@ def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | Non
         weighed = replace(weighed, priors=priors, wide_priors=wide_priors)
     walls = direction_of_walls(ref, assessment) if weighed.is_one_way else None
     along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), walls, config)
-    competing = competing_hypotheses(weighed.scores)
+    competing = competing_hypotheses(weighed.scores, assessment.as_good)
     is_flat = bool(is_degenerate[0]) or (
         assessment.is_weakly_observable(config.information) and not set(along).isdisjoint(competing)
     )
