@@ -143,7 +143,7 @@ def test_along_a_bare_corridor_nothing_is_measured():
 
 
 def test_along_a_corridor_with_recesses_the_scans_say_where_without_a_guess():
-    """Flat, but with one best place: measured to a decimetre, and right."""
+    """Nearly flat, but with one best place: measured to a decimetre or better, and right."""
     n_measured = 0
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -151,8 +151,6 @@ def test_along_a_corridor_with_recesses_the_scans_say_where_without_a_guess():
         poses = np.array([[x, 0.0, 0.0], [x + rng.uniform(0.4, 1.0), 0.0, 0.05]])
         one, other = features("corridor", seed, poses=poses)
         result = MATCHER.match(one, other, None)
-        if not result.ok or result.degenerate_direction is None:
-            continue
         measured = unguided_measurement(result)
         if measured is None:
             continue

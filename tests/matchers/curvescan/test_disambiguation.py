@@ -10,7 +10,6 @@ from curvescan.matchers.curvescan.assessment.assessment import assess_pose, dege
 from curvescan.matchers.curvescan.assessment.evidence import SMALL
 from curvescan.matchers.curvescan.assessment.support import Support
 from curvescan.matchers.curvescan.candidates import (
-    competing_hypotheses,
     direction_of_walls,
     direction_to_search,
     look_closer,
@@ -32,12 +31,6 @@ from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair, weigh
 
 CONFIG = CurvescanConfig()
-
-
-def test_rivals_are_poses_with_nearly_the_best_score():
-    assert competing_hypotheses(np.array([0.8, 0.77, 0.7])) == [1]
-    assert competing_hypotheses(np.array([0.8, 0.5, 0.1])) == []
-    assert competing_hypotheses(np.array([0.8])) == []
 
 
 def test_finalists_are_refined_and_the_far_off_left_out():

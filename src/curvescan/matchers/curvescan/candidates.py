@@ -141,8 +141,3 @@ def refine_and_weigh(
     final, scores = select(final, one, other, tolerance, slope, n_kept, n_first, min_difference)
     evidence, priors, wide_priors = weigh(ref, cur, final, prior, margin)
     return final, scores, evidence, priors, wide_priors
-
-
-def competing_hypotheses(scores: Floats, as_good: float) -> list[int]:
-    """Return the rows of the poses that are as good as the first, which have that share of its score."""
-    return [k for k in range(1, len(scores)) if scores[k] > as_good * scores[0]]

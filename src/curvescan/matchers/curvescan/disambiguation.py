@@ -19,7 +19,7 @@ from curvescan.matchers.curvescan.assessment.evidence import SMALL
 from curvescan.matchers.curvescan.assessment.information import covariance
 from curvescan.matchers.curvescan.assessment.support import Support, support_of
 from curvescan.matchers.curvescan.assessment.walls import extent
-from curvescan.matchers.curvescan.candidates import competing_hypotheses, direction_of_walls
+from curvescan.matchers.curvescan.candidates import direction_of_walls
 from curvescan.matchers.curvescan.config import NEAR, CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
@@ -89,13 +89,13 @@ def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | Non
         weighed = replace(weighed, priors=priors, wide_priors=wide_priors)
     walls = direction_of_walls(ref, assessment) if weighed.is_one_way else None
     along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), walls, config)
-    competing = competing_hypotheses(weighed.scores, assessment.as_good)
+    least = assessment.as_good(config.information) * weighed.scores[0]
     is_flat = bool(is_degenerate[0]) or (
-        assessment.is_weakly_observable(config.information) and not set(along).isdisjoint(competing)
+        assessment.is_weakly_observable(config.information) and any(weighed.scores[k] > least for k in along)
     )
     others = [k for k in range(1, len(poses)) if distance(poses[k], poses[0]) > NEAR and not (is_flat and k in along)]
     support = support_of(weighed, others, any(is_degenerate.tolist()) or is_flat)
-    ties = [k for k in along if k in competing] if is_flat else ties_of(support, along, config)
+    ties = [k for k in along if weighed.scores[k] > least] if is_flat else ties_of(support, along, config)
     if walls is not None:
         ties = [k for k in along if k in ties or weighed.is_as_likely(k)]
     is_degenerate[0] |= is_flat or len(ties) > 0
