@@ -71,7 +71,7 @@ class CurvescanMatcher:
         problem = Problem(reference, current, WIDE if prior is None else Prior.of(prior), self.config)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
             return report(problem, _NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
-        candidates = Candidates(*propose(reference, current, problem.prior, self._effort))
+        candidates = propose(problem, self._effort)
         assessed = assess(problem, *refine_candidates(problem, candidates))
         verdict = disambiguate(problem, assessed)
         return report(problem, candidates, assessed, verdict)

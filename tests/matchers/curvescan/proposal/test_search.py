@@ -8,7 +8,7 @@ import curvescan as cs
 from curvescan.matchers.curvescan.config import CurvescanConfig, HypothesesConfig, ScoringConfig
 from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal import search as rules
-from curvescan.matchers.curvescan.proposal.search import Candidates, effort_of, is_trusted, refine_guess
+from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, effort_of, refine_guess
 from curvescan.matchers.result import prior_of
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair
@@ -21,11 +21,12 @@ def prior_at(guess):
 
 
 def search(ref, cur, prior, config, **effort):
-    return Candidates(*rules.search(ref, cur, prior, effort_of(config)._replace(**effort)))
+    images, landmarks, no_guess = (ref.image, cur.image), (ref.landmarks, cur.landmarks), (np.empty((0, 3)), np.empty(0))
+    return Candidates(*rules.search(*images, *landmarks, prior, *no_guess, effort_of(config)._replace(**effort)))
 
 
 def propose(ref, cur, guess):
-    return Candidates(*rules.propose(ref, cur, prior_at(guess), effort_of(CONFIG)))
+    return rules.propose(Problem(ref, cur, prior_at(guess), CONFIG), effort_of(CONFIG))
 
 
 def off(pose):
@@ -68,8 +69,7 @@ def test_no_walls_are_aligned_where_the_best_pose_lies_where_the_guess_has_it():
 
 
 def trusted(ref, cur, guess):
-    images, prior, effort = (ref.image, cur.image), prior_at(guess), effort_of(CONFIG)
-    return is_trusted(*images, prior, *refine_guess(*images, prior, effort), effort)
+    return refine_guess(ref.image, cur.image, prior_at(guess), effort_of(CONFIG))[-1]
 
 
 def test_a_guess_is_followed_only_where_it_is_right():
@@ -77,6 +77,7 @@ def test_a_guess_is_followed_only_where_it_is_right():
     assert trusted(ref, cur, MOTION + 0.03)
     followed = propose(ref, cur, MOTION + 0.03)
     assert followed.n_tried == 1
+    assert not {"landmarks"} & (vars(ref).keys() | vars(cur).keys())  # which nothing needs
     assert off(followed.poses[0]) < 0.01
     assert not trusted(ref, cur, MOTION + np.array([0.8, 0.5, 1.0]))
 

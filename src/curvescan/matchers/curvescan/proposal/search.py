@@ -9,10 +9,10 @@ import numpy as np
 
 from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.config import NEAR, SAME, CurvescanConfig
-from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures, Landmarks
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.pose_difference import distance
-from curvescan.matchers.curvescan.prior import TOLD, Prior, tells
+from curvescan.matchers.curvescan.prior import Prior, tells
 from curvescan.matchers.curvescan.proposal.hypotheses import most_voted, pair_keypoints
 from curvescan.matchers.curvescan.proposal.rotation_hypotheses import (
     aligned_translations,
@@ -100,70 +100,72 @@ def effort_of(config: CurvescanConfig) -> Effort:
     )
 
 
-@kernel
-def propose(ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, effort: Effort) -> tuple[Floats, Floats, int]:
-    """Return the fields of Candidates: the expected pose alone where it is to be trusted, else what a search finds.
+def propose(problem: Problem, effort: Effort) -> Candidates:
+    """Return the expected pose alone where it is to be trusted, else what a search finds.
 
     And the expected pose, where the search has none beside it.
     """
-    if math.log1p(prior.gain) <= TOLD:
-        return search(ref, cur, prior, effort)
-    near, near_scores = refine_guess(ref.image, cur.image, prior, effort)
-    if is_trusted(ref.image, cur.image, prior, near, near_scores, effort):
-        return near, near_scores, near_scores.size
-    poses, scores, n_tried = search(ref, cur, prior, effort)
-    for k in range(scores.size):
-        if near_scores.size == 0 or distance(near[0], poses[k]) < SAME:
-            return poses, scores, n_tried
-    with_near = np.empty(scores.size + near_scores.size)
-    for k in range(with_near.size):
-        with_near[k] = scores[k] if k < scores.size else near_scores[k - scores.size]
-    return stack(poses, near), with_near, n_tried + 1
+    ref, cur, prior, _ = problem
+    near, near_scores, is_trusted = np.empty((0, 3)), np.empty(0), False
+    if prior.is_told:
+        near, near_scores, is_trusted = refine_guess(ref.image, cur.image, prior, effort)
+    if is_trusted:
+        return Candidates(near, near_scores, len(near))
+    landmarks = ref.landmarks, cur.landmarks
+    return Candidates(*search(ref.image, cur.image, *landmarks, prior, near, near_scores, effort))
 
 
-@inlined
-def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort) -> tuple[Floats, Floats]:
-    """Return the pose of the prior, refined, and its score; none where no reading agrees."""
+@kernel
+def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort) -> tuple[Floats, Floats, bool]:
+    """Return the pose of the prior, refined, and its score, none where no reading agrees; and whether to trust it.
+
+    It is taken without a look at others when enough readings agree there, it lies where the prior has it, and both axes
+    are fixed.
+    """
     guess = np.empty((1, 3))
     for k in range(3):
         guess[0, k] = prior.pose[k]
     close, close_slope = effort.tolerances[-2:]
     refined, n_kept = refine(guess, ref, cur, effort.sigmas), len(guess)  # 1 that is no constant
-    return select(refined, ref, cur, close, close_slope, n_kept, effort.n_first[2], NEAR)
-
-
-@inlined
-def is_trusted(ref: RangeImage, cur: RangeImage, prior: Prior, near: Floats, scores: Floats, effort: Effort) -> bool:
-    """Return whether the refined pose of the prior is taken without a look at others.
-
-    It is when enough readings agree there, it lies where the prior has it, and both axes are fixed.
-    """
+    near, scores = select(refined, ref, cur, close, close_slope, n_kept, effort.n_first[2], NEAR)
     if scores.size == 0 or scores[0] <= effort.guess_score or not tells(prior, near):
-        return False
+        return near, scores, False
     moved_along = degenerate_hypotheses(near, ref, cur, effort.along_step, len(near), effort.degenerate_ratio)
-    return bool(moved_along.shape[0] == 0)
+    return near, scores, moved_along.shape[0] == 0
 
 
 @kernel
-def search(ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, effort: Effort) -> tuple[Floats, Floats, int]:
-    """Return the best poses of all that keypoints, directions of surfaces and the prior propose, and their scores.
+def search(
+    ref: RangeImage,
+    cur: RangeImage,
+    marks_ref: Landmarks,
+    marks_cur: Landmarks,
+    prior: Prior,
+    near: Floats,
+    near_scores: Floats,
+    effort: Effort,
+) -> tuple[Floats, Floats, int]:
+    """Return the fields of Candidates: the best poses that landmarks and the prior propose, and the `near` one.
 
     Where they find little support, and the best is not where the prior has it, the places where walls of both
-    scans coincide are tried as well. Last, how many were tried.
+    scans coincide are tried as well.
     """
-    rotated = rotation_hypotheses(ref.directions, cur.directions, effort.n_rotations, prior.pose)
-    pairs = pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, effort.min_turn, effort.max_pairs)
+    rotated = rotation_hypotheses(marks_ref.directions, marks_cur.directions, effort.n_rotations, prior.pose)
+    pairs = pair_keypoints(marks_ref.keypoints, marks_cur.keypoints, ref, cur, effort.min_turn, effort.max_pairs)
     tried = stack(rotated, most_voted(pairs, effort.cell, 0.5 * effort.cell, effort.max_tried))
-    poses, scores = explore(tried, ref.image, cur.image, effort)
+    poses, scores = explore(tried, ref, cur, effort)
     is_expected = scores.size > 0 and scores[0] > effort.doubtful_score and tells(prior, poses)
-    if is_expected or not is_doubtful(scores, tried.shape[0], effort):
-        return poses, scores, tried.shape[0]
-    aligned = aligned_translations(
-        rotated, ref.image.samples, cur.image.samples, _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED
-    )
-    tried = stack(poses, aligned)
-    poses, scores = explore(tried, ref.image, cur.image, effort)
-    return poses, scores, tried.shape[0]
+    if not is_expected and is_doubtful(scores, tried.shape[0], effort):
+        aligned = aligned_translations(rotated, ref.samples, cur.samples, _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED)
+        tried = stack(poses, aligned)
+        poses, scores = explore(tried, ref, cur, effort)
+    for k in range(scores.size):
+        if near_scores.size == 0 or distance(near[0], poses[k]) < SAME:
+            return poses, scores, tried.shape[0]
+    with_near = np.empty(scores.size + near_scores.size)
+    for k in range(with_near.size):
+        with_near[k] = scores[k] if k < scores.size else near_scores[k - scores.size]
+    return stack(poses, near), with_near, tried.shape[0] + near_scores.size
 
 
 @inlined
