@@ -34,9 +34,9 @@ free_thresh: 0.196
 def map_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
     """Return the uint8 picture of a map: 0 occupied, 205 unknown, 254 free; the top row has the largest y."""
     pixels = np.full(grid.log_odds.shape, UNKNOWN, dtype=np.uint8)
-    pixels[grid.is_occupied] = OCCUPIED
-    pixels[grid.is_free] = FREE
-    return pixels[::-1]
+    pixels[grid.is_occupied[::-1]] = OCCUPIED
+    pixels[grid.is_free[::-1]] = FREE
+    return pixels
 
 
 def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "map") -> None:
@@ -68,7 +68,9 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
     n_rows, n_columns = pixels.shape
     x, y = grid.origin.tolist()
     try:
-        (Path(folder) / f"{name}.pgm").write_bytes(b"P5\n%d %d\n255\n" % (n_columns, n_rows) + pixels.tobytes())
+        with (Path(folder) / f"{name}.pgm").open("wb") as file:
+            file.write(b"P5\n%d %d\n255\n" % (n_columns, n_rows))
+            file.write(pixels.data)  # no copy
         (Path(folder) / f"{name}.yaml").write_text(
             _YAML.format(image=f"{name}.pgm", resolution=grid.resolution, x=x, y=y), encoding="utf-8", newline="\n"
         )

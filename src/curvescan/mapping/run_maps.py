@@ -34,15 +34,22 @@ def build_maps(
     *,
     cell: float | None = 0.05,
     occupancy: OccupancyConfig | None = None,
+    outline: Iterable[tuple[LaserScan, Pose]] = (),
 ) -> RunMaps:
     """Return the maps of a run; one that would be too large is left out.
 
     poses (n, 3): of the sensor at each scan, none NaN; is_joined (n,); cell: side of the cells of `standing` and
-    `moved`, metres, None for neither; occupancy: how to make the occupancy map, None for none.
+    `moved`, metres, None for neither; occupancy: how to make the occupancy map, None for none; outline: scans and poses
+    that reach about as far as all do, so that memory is taken once.
     """
     standing, moving = OccupiedCells(cell or 1.0), OccupiedCells(cell or 1.0)
     builder = OccupancyBuilder(occupancy) if occupancy else None
     why_no_grid = ""
+    if builder:
+        try:
+            builder.make_room(outline)
+        except MapTooLargeError as error:
+            builder, why_no_grid = None, str(error)
     kept, watched = tee(scans)
     for scan, pose, moved in zip(kept, poses, dynamic_along(watched, poses, is_joined), strict=False):
         if cell is not None:
@@ -54,7 +61,7 @@ def build_maps(
                 builder.add(scan, pose, ignored=moved)
             except MapTooLargeError as error:
                 builder, why_no_grid = None, str(error)
-    grid = builder.grid() if builder else None
+    grid = builder.last_grid() if builder else None
     if grid is not None and not grid.log_odds.size:
         grid, why_no_grid = None, "no scan has a reading to map"
     return RunMaps(standing=standing.centres(), moved=moving.centres(), grid=grid, why_no_grid=why_no_grid)

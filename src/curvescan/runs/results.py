@@ -92,7 +92,10 @@ def maps_of_run(run: Run, *, cell: float | None) -> RunMaps:
     if isinstance(engine, Localizer):
         return RunMaps(standing=engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
     seen = deskewed_along(run.scans, record.trajectory) if is_deskewed(engine) else run.scans
-    return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=run.occupancy)
+    keyframes = engine.map if isinstance(engine, Slam) else None
+    outline = zip(keyframes.scans, keyframes.poses, strict=True) if keyframes else ()
+    poses = record.trajectory.poses
+    return build_maps(seen, poses, record.is_joined, cell=cell, occupancy=run.occupancy, outline=outline)
 
 
 def with_grid(slam_map: SlamMap, maps: RunMaps, occupancy: OccupancyConfig) -> SlamMap:

@@ -81,7 +81,7 @@ class SlamMap:
         builder = OccupancyBuilder(config)
         for scan, pose in zip(self.scans, self.poses, strict=True):
             builder.add(scan, pose)
-        return builder.grid()
+        return builder.last_grid()
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> SlamMap:

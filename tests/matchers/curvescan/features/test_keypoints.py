@@ -39,7 +39,7 @@ def test_a_bare_wall_under_noise_has_no_corner():
 @pytest.mark.parametrize("angle", [0.5, 2.0, -3.0])
 def test_frames_turn_with_the_sensor_frame(angle):
     scan = pillar_scan(seed=1)
-    plain, moved = features(scan).keypoints, features(turned(scan, angle)).landmarks.keypoints
+    plain, moved = features(scan).landmarks.keypoints, features(turned(scan, angle)).landmarks.keypoints
     np.testing.assert_allclose(cs.se2.transform([0.0, 0.0, angle], plain[:, :2]), moved[:, :2], atol=1e-9)
     np.testing.assert_allclose(cs.se2.wrap(moved[:, 2] - plain[:, 2] - angle), 0.0, atol=1e-9)
     np.testing.assert_allclose(moved[:, 3:], plain[:, 3:], atol=1e-9)
