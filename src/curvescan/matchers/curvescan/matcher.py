@@ -20,16 +20,22 @@ from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, competing_poses, disambiguate
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
 from curvescan.matchers.curvescan.prior import WIDE, Prior
-from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, effort_of, propose
+from curvescan.matchers.curvescan.proposal.search import (
+    NOTHING,
+    Candidates,
+    Problem,
+    effort_of,
+    refined_prior,
+    search_beside,
+)
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 
 _NO_CODES = np.empty(0, dtype=np.uint8)
 _MIN_PROBES = 6
-_NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
 _NOT_ASSESSED = AssessedPose(
-    weighed=WeighedPoses(_NOTHING.poses, _NOTHING.scores, np.empty((0, N_EVIDENCE)), np.empty(0), np.empty(0)),
+    weighed=WeighedPoses(NOTHING.poses, NOTHING.scores, np.empty((0, N_EVIDENCE)), np.empty(0), np.empty(0)),
     is_degenerate=np.ones(3, dtype=np.bool_),
     ties=[],
 )
@@ -65,16 +71,22 @@ class CurvescanMatcher:
     ) -> MatchResult:
         """Return the pose of `current` in `reference`.
 
-        The pose of the prior is one more hypothesis. It is taken without a look at others when many readings agree
-        there and fix both axes, and it decides between poses that explain the scans as well as each other.
+        The pose of a narrow prior is tried first. Where the scans do not match there, or little agrees, it is one more
+        hypothesis. A prior also decides between poses that explain the scans as well as each other.
         """
         problem = Problem(reference, current, WIDE if prior is None else Prior.of(prior), self.config)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
-            return report(problem, _NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
-        candidates = propose(problem, self._effort)
-        assessed = assess(problem, *refine_candidates(problem, candidates))
-        verdict = disambiguate(problem, assessed)
-        return report(problem, candidates, assessed, verdict)
+            return report(problem, NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
+        near, is_likely = refined_prior(problem, self._effort)
+        if is_likely and (result := judged(problem, near)).ok:
+            return result
+        return judged(problem, search_beside(problem, near, self._effort))
+
+
+def judged(problem: Problem, candidates: Candidates) -> MatchResult:
+    """Return what comes of the candidates."""
+    assessed = assess(problem, *refine_candidates(problem, candidates))
+    return report(problem, candidates, assessed, disambiguate(problem, assessed))
 
 
 def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict: Verdict) -> MatchResult:

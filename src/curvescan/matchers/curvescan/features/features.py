@@ -98,9 +98,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
 
 @kernel
 def extract(
-    sweep: Sweep,
-    lengths: tuple[float, float, float, float],
-    counts: tuple[int, int],
+    sweep: Sweep, lengths: tuple[float, float, float, float], counts: tuple[int, int]
 ) -> tuple[Ints, Ints, Floats, Floats, Ints, Bools, Bools, Ints, float]:
     """Return beams, bounds, surfels, samples, objects, azimuths and the range noise, metres.
 

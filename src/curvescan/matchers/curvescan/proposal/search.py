@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -77,6 +76,9 @@ class Candidates(NamedTuple):
     n_tried: int  # poses that were verified
 
 
+NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
+
+
 def effort_of(config: CurvescanConfig) -> Effort:
     """Return how widely poses are looked for."""
     steps, scoring = config.hypotheses, config.scoring
@@ -100,38 +102,34 @@ def effort_of(config: CurvescanConfig) -> Effort:
     )
 
 
-def propose(problem: Problem, effort: Effort) -> Candidates:
-    """Return the expected pose alone where it is to be trusted, else what a search finds.
+def refined_prior(problem: Problem, effort: Effort) -> tuple[Candidates, bool]:
+    """Return the pose of a prior that tells where it is, refined, and whether it may be the right one.
 
-    And the expected pose, where the search has none beside it.
+    It may when much agrees there and it lies where the prior has it.
     """
     ref, cur, prior, _ = problem
-    near, near_scores, is_trusted = np.empty((0, 3)), np.empty(0), False
-    if prior.is_told:
-        near, near_scores, is_trusted = refine_guess(ref.image, cur.image, prior, effort)
-    if is_trusted:
-        return Candidates(near, near_scores, len(near))
-    landmarks = ref.landmarks, cur.landmarks
-    return Candidates(*search(ref.image, cur.image, *landmarks, prior, near, near_scores, effort))
+    if not prior.is_told:
+        return NOTHING, False
+    poses, scores, is_likely = refine_guess(ref.image, cur.image, prior, effort)
+    return Candidates(poses, scores, len(poses)), is_likely
+
+
+def search_beside(problem: Problem, near: Candidates, effort: Effort) -> Candidates:
+    """Return what a search finds, and the pose of the prior, where the search has none beside it."""
+    ref, cur, prior, _ = problem
+    return Candidates(*search(ref.image, cur.image, ref.landmarks, cur.landmarks, prior, *near[:2], effort))
 
 
 @kernel
 def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort) -> tuple[Floats, Floats, bool]:
-    """Return the pose of the prior, refined, and its score, none where no reading agrees; and whether to trust it.
-
-    It is taken without a look at others when enough readings agree there, it lies where the prior has it, and both axes
-    are fixed.
-    """
+    """Return the pose of the prior, refined, and its score, none where no reading agrees; and whether it may be right."""
     guess = np.empty((1, 3))
     for k in range(3):
         guess[0, k] = prior.pose[k]
     close, close_slope = effort.tolerances[-2:]
     refined, n_kept = refine(guess, ref, cur, effort.sigmas), len(guess)  # 1 that is no constant
     near, scores = select(refined, ref, cur, close, close_slope, n_kept, effort.n_first[2], NEAR)
-    if scores.size == 0 or scores[0] <= effort.guess_score or not tells(prior, near):
-        return near, scores, False
-    moved_along = degenerate_hypotheses(near, ref, cur, effort.along_step, len(near), effort.degenerate_ratio)
-    return near, scores, moved_along.shape[0] == 0
+    return near, scores, scores.size > 0 and scores[0] > effort.doubtful_score and tells(prior, near)
 
 
 @kernel
