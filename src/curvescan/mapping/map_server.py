@@ -68,9 +68,7 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
     n_rows, n_columns = pixels.shape
     x, y = grid.origin.tolist()
     try:
-        with (Path(folder) / f"{name}.pgm").open("wb") as file:
-            file.write(b"P5\n%d %d\n255\n" % (n_columns, n_rows))
-            file.write(pixels.data)  # no copy
+        (Path(folder) / f"{name}.pgm").write_bytes(b"".join((b"P5\n%d %d\n255\n" % (n_columns, n_rows), pixels.data)))
         (Path(folder) / f"{name}.yaml").write_text(
             _YAML.format(image=f"{name}.pgm", resolution=grid.resolution, x=x, y=y), encoding="utf-8", newline="\n"
         )

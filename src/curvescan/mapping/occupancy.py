@@ -7,8 +7,8 @@ clamped, so that the map follows a changing place.
 """
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from curvescan.errors import InvalidArgumentError, MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.traversal import mark_scan
 from curvescan.scan import LaserScan
-from curvescan.types import Bools, Floats, Ints, Points, Pose
+from curvescan.types import Bools, Floats, Points
 
 MAX_BYTES = 1 << 30  # most memory that a map's cells may take; while the grid grows, the old ones stand beside the new
 
@@ -132,12 +132,25 @@ class OccupancyBuilder:
             raise InvalidArgumentError(f"scan must be a LaserScan, got {type(scan).__name__}")
         if ignored is not None and ignored.shape != scan.ranges.shape:
             raise InvalidArgumentError(f"ignored must have one value a beam ({len(scan)}), got shape {ignored.shape}")
-        beams = self._beams(scan, pose)
-        if beams is None:
+        try:
+            x, y, theta = np.asarray(pose, dtype=np.float64).tolist()
+        except (TypeError, ValueError):
+            raise InvalidArgumentError(f"pose must be three numbers [x, y, theta], got {pose!r:.80}") from None
+        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
             return
-        start, ends, used, is_fully_observed = beams
+        sees_free = self.config.clear_no_return and math.isfinite(scan.range_max)
+        is_fully_observed = np.isposinf(scan.ranges) & sees_free
+        used = np.flatnonzero(scan.valid | is_fully_observed)
+        reach = np.where(scan.valid, scan.ranges, scan.range_max)[used]
         is_hit = (scan.valid if ignored is None else scan.valid & ~ignored)[used]
-        self._cover(*_box(start, ends))
+        resolution = self.config.resolution
+        # a place beyond all numbers is refused below for its size
+        with np.errstate(over="ignore", invalid="ignore"):
+            start = np.array([x, y]) / resolution
+            turned = scan.directions[used] @ se2.rotation(theta).T
+            ends = start + (reach / resolution)[:, np.newaxis] * turned
+        low, high = ends.min(axis=0, initial=np.inf), ends.max(axis=0, initial=-np.inf)
+        self._cover(np.floor(np.minimum(low, start)), np.floor(np.maximum(high, start)) + 1.0)
         mark = _MARKS[self._n_scans % len(_MARKS)]
         if mark == _MARKS.start:
             np.minimum(self._marks, 1, out=self._marks)
@@ -145,54 +158,20 @@ class OccupancyBuilder:
         places = start - self._corner, ends - self._corner
         mark_scan(self._log_odds, self._marks, mark, *places, is_hit, is_fully_observed[used], self._steps)
 
-    def make_room(self, placed: Iterable[tuple[LaserScan, Pose]]) -> None:
-        """Make room for scans at their poses at once: while a grid grows, the old cells stand beside the new.
+    def make_room(self, points: Points) -> None:
+        """Make room for (n, 2) points at once, metres: while a grid grows, the old cells stand beside the new."""
+        if len(points):
+            self._cover(*(np.floor(end(axis=0) / self.config.resolution) for end in (points.min, points.max)))
 
-        Raises MapTooLargeError, as `add` does.
-        """
-        low, high = np.full(2, np.inf), np.full(2, -np.inf)
-        for scan, pose in placed:
-            if (beams := self._beams(scan, pose)) is not None:
-                first, beyond = _box(*beams[:2])
-                low, high = np.minimum(low, first), np.maximum(high, beyond)
-        if np.isfinite(low).all():
-            self._cover(low, high)
-
-    def _beams(self, scan: LaserScan, pose: ArrayLike) -> tuple[Floats, Floats, Ints, Bools] | None:
-        """Return where a scan was taken, the ends of the beams that tell something, which these are, all in cells.
-
-        And which of all beams saw nothing up to range_max; None for a pose that is not finite.
-        """
-        try:
-            x, y, theta = np.asarray(pose, dtype=np.float64).tolist()
-        except (TypeError, ValueError):
-            raise InvalidArgumentError(f"pose must be three numbers [x, y, theta], got {pose!r:.80}") from None
-        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
-            return None
-        sees_free = self.config.clear_no_return and math.isfinite(scan.range_max)
-        is_fully_observed = np.isposinf(scan.ranges) & sees_free
-        used = np.flatnonzero(scan.valid | is_fully_observed)
-        reach = np.where(scan.valid, scan.ranges, scan.range_max)[used]
-        resolution = self.config.resolution
-        # a place beyond all numbers is refused for its size
-        with np.errstate(over="ignore", invalid="ignore"):
-            start = np.array([x, y]) / resolution
-            turned = scan.directions[used] @ se2.rotation(theta).T
-            return start, start + (reach / resolution)[:, np.newaxis] * turned, used, is_fully_observed
-
-    def grid(self) -> OccupancyGrid:
-        """Return the map so far, cut to the cells that were seen; without any it has no cells."""
-        grid = self.last_grid()
-        return replace(grid, log_odds=grid.log_odds.copy())
-
-    def last_grid(self) -> OccupancyGrid:
-        """Return the map as `grid` does, without a copy: no scan may be added after."""
+    def grid(self, *, is_last: bool = False) -> OccupancyGrid:
+        """Return the map so far, cut to the cells that were seen; without a copy where no scan comes after."""
         marks, log_odds = self._part(self._marks), self._part(self._log_odds)
         rows, columns = np.flatnonzero(marks.any(axis=1)), np.flatnonzero(marks.any(axis=0))
         if not rows.size:
             rows = columns = np.array([0, -1])
         seen = log_odds[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
         corner = self._first + np.array([columns[0], rows[0]])
+        seen = seen if is_last else seen.copy()
         return OccupancyGrid(log_odds=seen, origin=corner * self.config.resolution, config=self.config)
 
     def _part(self, cells: NDArray[Any]) -> NDArray[Any]:
@@ -224,12 +203,6 @@ class OccupancyBuilder:
         shape = tuple((high - low).astype(np.int64)[::-1].tolist())
         self._log_odds, self._marks = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.uint8)
         self._part(self._log_odds)[:], self._part(self._marks)[:] = old
-
-
-def _box(start: Floats, ends: Floats) -> tuple[Floats, Floats]:
-    """Return the first cell of a box about a start and (n, 2) ends, and the one beyond its last."""
-    low, high = ends.min(axis=0, initial=np.inf), ends.max(axis=0, initial=-np.inf)
-    return np.floor(np.minimum(low, start)), np.floor(np.maximum(high, start)) + 1.0
 
 
 def check_map_size(n_cells: Floats, resolution: float) -> None:

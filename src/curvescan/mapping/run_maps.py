@@ -1,8 +1,11 @@
 """The maps of a run from one pass over its scans: static cells, dynamic cells, free space."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import tee
+
+import numpy as np
 
 from curvescan import se2
 from curvescan.errors import MapTooLargeError
@@ -12,6 +15,8 @@ from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.mapping.occupied_cells import OccupiedCells
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Points, Pose
+
+NOWHERE: Points = np.empty((0, 2))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,22 +39,20 @@ def build_maps(
     *,
     cell: float | None = 0.05,
     occupancy: OccupancyConfig | None = None,
-    outline: Iterable[tuple[LaserScan, Pose]] = (),
+    about: Points = NOWHERE,
 ) -> RunMaps:
     """Return the maps of a run; one that would be too large is left out.
 
     poses (n, 3): of the sensor at each scan, none NaN; is_joined (n,); cell: side of the cells of `standing` and
-    `moved`, metres, None for neither; occupancy: how to make the occupancy map, None for none; outline: scans and poses
-    that reach about as far as all do, so that memory is taken once.
+    `moved`, metres, None for neither; occupancy: how to make the occupancy map, None for none; about: points that it
+    holds, for which memory is taken once.
     """
     standing, moving = OccupiedCells(cell or 1.0), OccupiedCells(cell or 1.0)
     builder = OccupancyBuilder(occupancy) if occupancy else None
-    why_no_grid = ""
     if builder:
-        try:
-            builder.make_room(outline)
-        except MapTooLargeError as error:
-            builder, why_no_grid = None, str(error)
+        with suppress(MapTooLargeError):  # as is told where a scan is too far away
+            builder.make_room(about)
+    why_no_grid = ""
     kept, watched = tee(scans)
     for scan, pose, moved in zip(kept, poses, dynamic_along(watched, poses, is_joined), strict=False):
         if cell is not None:
@@ -61,7 +64,7 @@ def build_maps(
                 builder.add(scan, pose, ignored=moved)
             except MapTooLargeError as error:
                 builder, why_no_grid = None, str(error)
-    grid = builder.last_grid() if builder else None
+    grid = builder.grid(is_last=True) if builder else None
     if grid is not None and not grid.log_odds.size:
         grid, why_no_grid = None, "no scan has a reading to map"
     return RunMaps(standing=standing.centres(), moved=moving.centres(), grid=grid, why_no_grid=why_no_grid)

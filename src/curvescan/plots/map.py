@@ -225,10 +225,9 @@ def _merged_ranks(grid: OccupancyGrid, n_pixels: int) -> tuple[NDArray[np.uint8]
     """Return blocks of cells, 0 unknown, 1 free, 2 occupied as its darkest cell, and a block's side in metres."""
     n_rows, n_columns = grid.log_odds.shape
     n = -(-max(n_rows, n_columns) // max(n_pixels, 1))
-    rows, columns = np.arange(0, n_rows, n), np.arange(0, n_columns, n)
-    ranks = np.empty((rows.size, columns.size), dtype=np.uint8)
-    for k, row in enumerate(rows.tolist()):  # a strip at a time: the map is large
-        strip = replace(grid, log_odds=grid.log_odds[row : row + n])
-        darkest = np.maximum(strip.is_free, 2 * strip.is_occupied).max(axis=0)
-        ranks[k] = np.maximum.reduceat(darkest, columns)
+    columns = np.arange(0, n_columns, n)
+    ranks = np.empty((-(-n_rows // n), columns.size), dtype=np.uint8)
+    for k in range(len(ranks)):  # a strip at a time: the map is large
+        strip = replace(grid, log_odds=grid.log_odds[k * n : (k + 1) * n])
+        ranks[k] = np.maximum.reduceat(np.maximum(strip.is_free, 2 * strip.is_occupied).max(axis=0), columns)
     return ranks, n * grid.resolution

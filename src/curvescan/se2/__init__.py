@@ -146,8 +146,6 @@ def log(pose_a_b: ArrayLike) -> Floats:
         [vx, vy, omega], m/s, m/s, rad/s; omega in (-pi, pi].
     """
     pose = _as_pose(pose_a_b, "pose_a_b")
-    if pose.ndim == 1:
-        return np.array(_log(*pose.tolist()))
     theta = wrap(pose[..., 2])
     half = 0.5 * theta
     along = np.cos(half) / np.sinc(half / np.pi)
@@ -217,10 +215,3 @@ def _as_pose(value: ArrayLike, name: str) -> Pose:
     if pose.ndim == 0 or pose.shape[-1] != 3:
         raise InvalidArgumentError(f"{name} must have shape (..., 3) [x, y, theta], got shape {pose.shape}")
     return pose
-
-
-def _log(x: float, y: float, theta: float) -> tuple[float, float, float]:
-    theta = _wrapped(theta)
-    half = 0.5 * theta
-    along = math.cos(half) / (math.sin(half) / half) if half else 1.0
-    return along * x + half * y, along * y - half * x, theta

@@ -81,7 +81,7 @@ class SlamMap:
         builder = OccupancyBuilder(config)
         for scan, pose in zip(self.scans, self.poses, strict=True):
             builder.add(scan, pose)
-        return builder.last_grid()
+        return builder.grid(is_last=True)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> SlamMap:

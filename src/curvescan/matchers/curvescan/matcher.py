@@ -20,14 +20,7 @@ from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, competing_poses, disambiguate
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
 from curvescan.matchers.curvescan.prior import WIDE, Prior
-from curvescan.matchers.curvescan.proposal.search import (
-    NOTHING,
-    Candidates,
-    Problem,
-    effort_of,
-    refined_prior,
-    search_beside,
-)
+from curvescan.matchers.curvescan.proposal.search import NOTHING, Candidates, Problem, at_prior, effort_of, searched
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
@@ -77,10 +70,10 @@ class CurvescanMatcher:
         problem = Problem(reference, current, WIDE if prior is None else Prior.of(prior), self.config)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
             return report(problem, NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
-        near, is_likely = refined_prior(problem, self._effort)
+        near, is_likely = at_prior(problem, self._effort)
         if is_likely and (result := judged(problem, near)).ok:
             return result
-        return judged(problem, search_beside(problem, near, self._effort))
+        return judged(problem, searched(problem, near, self._effort))
 
 
 def judged(problem: Problem, candidates: Candidates) -> MatchResult:
@@ -96,7 +89,7 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
     labels = beam_labels(ref.n_beams, ref.beam_idx, codes[0], cur.n_beams, cur.beam_idx, codes[1])
     best = None if assessed.support is None else assessment or assessed.assessment
     information = np.zeros((3, 3)) if best is None else best.information_matrix(assessed.is_degenerate)
-    scores: list[float] = assessed.weighed.scores.tolist()
+    scores: list[float] = assessed.weighed.scores.tolist() or [math.nan]
     return MatchResult(
         method="curvescan",
         outcome=verdict.outcome,
@@ -107,14 +100,10 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
         labels_reference=labels[: ref.n_beams],
         labels_current=labels[ref.n_beams :],
         degenerate_direction=assessment.weakest if assessment and verdict.is_degenerate else None,
-        score=_score(scores[:1]),
-        runner_up=_score(scores[1:]),
+        score=scores[0],
+        runner_up=max(scores[1:], default=math.nan),
         confidence=verdict.confidence,
         candidates=competing_poses(problem, assessed, verdict),
         information=information,
         is_guess_decisive=verdict.is_guess_decisive,
     )
-
-
-def _score(scores: list[float]) -> float:
-    return max(scores, default=math.nan)

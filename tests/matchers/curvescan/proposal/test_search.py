@@ -12,7 +12,7 @@ from curvescan.matchers.curvescan.config import CurvescanConfig, HypothesesConfi
 from curvescan.matchers.curvescan.matcher import CurvescanMatcher
 from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal import search as rules
-from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, effort_of, refined_prior, search_beside
+from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, at_prior, effort_of, searched
 from curvescan.matchers.result import Outcome, prior_of
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair
@@ -115,6 +115,6 @@ def test_a_prior_that_is_not_followed_is_one_more_candidate():
     guess = MOTION + np.array([0.0, 0.6, 0.0])
     problem, effort = Problem(ref, cur, prior_at(guess), CONFIG), effort_of(CONFIG)
     alone = search(ref, cur, prior_at(guess), CONFIG)
-    found = search_beside(problem, refined_prior(problem, effort)[0], effort)
+    found = searched(problem, at_prior(problem, effort)[0], effort)
     assert len(found.poses) >= len(alone.poses)
     assert off(found.poses[0]) < 0.01

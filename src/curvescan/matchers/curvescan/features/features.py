@@ -10,7 +10,7 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.config import CurvescanConfig, KeypointsConfig
-from curvescan.matchers.curvescan.features.keypoints import find_corners, with_ends
+from curvescan.matchers.curvescan.features.keypoints import add_ends, find_corners
 from curvescan.matchers.curvescan.features.objects import Objects, find_objects
 from curvescan.matchers.curvescan.features.range_image import RangeImage, azimuth_table, bearing, uneven_azimuth_table
 from curvescan.matchers.curvescan.features.sampling import choose_samples
@@ -132,9 +132,10 @@ def find_landmarks(
         for column in (X, Y, RANGE):
             readings[i, column] = surfels[i, column]
     sums = moments(readings)
-    corners = find_corners(readings, sums, bounds, arms, sigma, min_turn, max_keypoints)
-    keypoints = with_ends(corners, readings, sums, bounds, arms[arms.size // 2], is_closed, max_keypoints)
-    return keypoints, direction_histogram(surfels)
+    found = np.empty((2 * max_keypoints, 5))
+    n = find_corners(found, readings, sums, bounds, arms, sigma, min_turn, max_keypoints)
+    n = add_ends(found[: n + max_keypoints], n, readings, sums, bounds, arms[arms.size // 2], is_closed)
+    return found[:n].copy(), direction_histogram(surfels)
 
 
 @kernel

@@ -86,20 +86,19 @@ def uneven_azimuth_table(beam_idx: Ints, angles: Floats, step: float, is_closed:
     around[n_once + 1], reading[n_once + 1] = around[1] + turn, reading[1]
     low, high = (0, n_once + 1) if is_closed else (1, n_once)
     reach = turn if is_closed else around[n_once] + _GAP_STEPS * step
-    n_slots = int(min(math.ceil(_SLOTS_A_STEP * reach / step), _MAX_SLOTS)) + (0 if is_closed else 1)
     # a full circle has a whole number of slots, the last slot of an open sweep is what it does not see
-    density = (n_slots - (0 if is_closed else 1)) / reach
-    table = np.empty(n_slots, dtype=np.int64)
+    n_whole = int(min(math.ceil(_SLOTS_A_STEP * reach / step), _MAX_SLOTS))
+    density = n_whole / reach
+    table = np.full(n_whole if is_closed else n_whole + 1, -2)
     after = min(low + 1, high)
-    for slot in range(n_slots):
+    for slot in range(n_whole):
         place = slot / density
         while after < high and around[after] < place:
             after += 1
         before = max(after - 1, low)
         nearest = before if place - around[before] <= around[after] - place else after
-        table[slot] = reading[nearest] if abs(place - around[nearest]) <= _GAP_STEPS * step else -2
-    if not is_closed:
-        table[n_slots - 1] = -2
+        if abs(place - around[nearest]) <= _GAP_STEPS * step:
+            table[slot] = reading[nearest]
     return table, density
 
 

@@ -53,10 +53,8 @@ class Effort(NamedTuple):
     along_step: float  # of places along a corridor, metres
     n_along: int  # places to each side
     degenerate_ratio: float  # as in InformationConfig
-    # doubtful_score, guess_score: as in ScoringConfig
-    doubtful_score: float
-    guess_score: float
-    # with fewer poses than this to try, other ways are tried up to that score
+    doubtful_score: float  # as in ScoringConfig
+    # with fewer poses than this to try, or a close rival, other ways are tried up to that score
     few_tried: int
     certain_score: float
     # of rough, moved and closely refined poses: metres, and metres for each metre of range; how many of each are kept,
@@ -93,7 +91,6 @@ def effort_of(config: CurvescanConfig) -> Effort:
         round(steps.along_reach / steps.along_step),
         config.information.degenerate_ratio,
         scoring.doubtful_score,
-        scoring.guess_score,
         _FEW_TRIED,
         _CERTAIN_SCORE,
         (*ROUGH, *MOVED_ALONG, *CLOSE),
@@ -102,11 +99,8 @@ def effort_of(config: CurvescanConfig) -> Effort:
     )
 
 
-def refined_prior(problem: Problem, effort: Effort) -> tuple[Candidates, bool]:
-    """Return the pose of a prior that tells where it is, refined, and whether it may be the right one.
-
-    It may when much agrees there and it lies where the prior has it.
-    """
+def at_prior(problem: Problem, effort: Effort) -> tuple[Candidates, bool]:
+    """Return the pose of a prior that tells where it is, refined, and whether it may be right."""
     ref, cur, prior, _ = problem
     if not prior.is_told:
         return NOTHING, False
@@ -114,7 +108,7 @@ def refined_prior(problem: Problem, effort: Effort) -> tuple[Candidates, bool]:
     return Candidates(poses, scores, len(poses)), is_likely
 
 
-def search_beside(problem: Problem, near: Candidates, effort: Effort) -> Candidates:
+def searched(problem: Problem, near: Candidates, effort: Effort) -> Candidates:
     """Return what a search finds, and the pose of the prior, where the search has none beside it."""
     ref, cur, prior, _ = problem
     return Candidates(*search(ref.image, cur.image, ref.landmarks, cur.landmarks, prior, *near[:2], effort))
@@ -122,14 +116,17 @@ def search_beside(problem: Problem, near: Candidates, effort: Effort) -> Candida
 
 @kernel
 def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort) -> tuple[Floats, Floats, bool]:
-    """Return the pose of the prior, refined, and its score, none where no reading agrees; and whether it may be right."""
+    """Return the pose of the prior, refined, and its score, none where no reading agrees.
+
+    And whether it may be right: much agrees there, and the prior has it there.
+    """
     guess = np.empty((1, 3))
     for k in range(3):
         guess[0, k] = prior.pose[k]
     close, close_slope = effort.tolerances[-2:]
     refined, n_kept = refine(guess, ref, cur, effort.sigmas), len(guess)  # 1 that is no constant
     near, scores = select(refined, ref, cur, close, close_slope, n_kept, effort.n_first[2], NEAR)
-    return near, scores, scores.size > 0 and scores[0] > effort.doubtful_score and tells(prior, near)
+    return near, scores, scores.size > 0 and scores[0] > effort.certain_score and tells(prior, near)
 
 
 @kernel
@@ -171,9 +168,8 @@ def is_doubtful(scores: Floats, n_tried: int, effort: Effort) -> bool:
     """Return whether the best pose finds little support, or middling with few poses or a close competing hypothesis."""
     if scores.size == 0 or scores[0] < effort.doubtful_score:
         return True
-    if n_tried < effort.few_tried and scores[0] < effort.certain_score:
-        return True
-    return bool(scores.size > 1 and scores[1] > CONTESTED * scores[0] and scores[0] < effort.guess_score)
+    has_rival = scores.size > 1 and scores[1] > CONTESTED * scores[0]
+    return bool(scores[0] < effort.certain_score and (n_tried < effort.few_tried or has_rival))
 
 
 @kernel
