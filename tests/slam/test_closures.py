@@ -9,7 +9,7 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
-from curvescan.matchers import MatchResult
+from curvescan.matchers import MatchResult, find_matcher
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamConfig
 from curvescan.slam.keyframes import Keyframes
@@ -74,7 +74,7 @@ def test_what_is_seen_from_afar_errs_more_than_it_says(result: MatchResult) -> N
 
 
 def test_opposite_views_are_candidates_up_to_six_metres_where_the_graph_knows_them(hall: cs.Log) -> None:
-    keyframes = Keyframes("curvescan", None, 10)
+    keyframes = Keyframes(find_matcher("curvescan"))
     scan = hall[0]
     for k in range(20):
         keyframes.add(scan, k)

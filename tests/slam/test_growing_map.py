@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan.matchers import find_matcher
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
@@ -21,7 +22,7 @@ def scans() -> list[cs.LaserScan]:
 
 
 def test_a_motion_of_which_nothing_is_known_leaves_the_matrix_its_digits(scans: list[cs.LaserScan]) -> None:
-    growing = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
+    growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
     growing.start(scans[0], 0, np.zeros(3), 0)
     lost = UncertainPose(np.zeros(3), np.diag([1e6, 1e6, 10.0]))
     growing.append(scans[2], 2, lost)
@@ -33,7 +34,7 @@ def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() 
     walls = cs.simulation.World(walls=np.array([[-50.0, 1.0, 50.0, 1.0], [-50.0, -1.2, 50.0, -1.2]]))
     poses = np.array([[0.5 * k, 0.0, 0.0] for k in range(4)])
     scans = list(cs.simulate(walls, sensor="spinning-360", poses=poses, odometry_noise=None, seed=1))
-    growing = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
+    growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
     growing.start(scans[0], 0, np.zeros(3), 0)
     for k in (1, 2, 3):
         growing.append(scans[k], k, UncertainPose(np.array([0.45, 0.05, 0.05]), np.diag([0.01, 0.01, 0.01])))
@@ -49,7 +50,7 @@ def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() 
 
 def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(scans: list[cs.LaserScan]) -> None:
     """A closure moves the keyframes from its own on, which then come apart from those before."""
-    growing = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
+    growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
     growing.start(scans[0], 0, np.zeros(3), 0)
     for k in (1, 2, 1, 2):
         motion = UncertainPose(np.array([0.5, 0.0, 0.0]), np.diag([0.01, 0.01, 0.001]))
@@ -67,12 +68,12 @@ def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(scans: lis
 
 
 def test_the_chain_of_a_map_that_is_continued_is_that_of_its_edges(scans: list[cs.LaserScan]) -> None:
-    made = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
+    made = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
     made.start(scans[0], 0, np.zeros(3), 0)
     for k in (1, 2, 1):
         motion = UncertainPose(np.array([0.5, 0.1, 0.2]), np.diag([0.01, 0.02, 0.001]))
         made.append(scans[k], k, motion)
-    continued = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
+    continued = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
     continued.load(made.snapshot())
     k = continued.start(scans[0], 9, np.zeros(3), 1)
     graph, chain = made.graph, continued.chain()

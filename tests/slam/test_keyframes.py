@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan.matchers import find_matcher
 from curvescan.slam.keyframes import Keyframes, along_walls
 
 ANGLE = 0.3
@@ -36,7 +37,7 @@ def test_a_direction_stays_as_it_is_where_there_are_no_walls():
 
 def test_in_a_round_room_no_keyframes_match():
     poses = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.1]])
-    keyframes = Keyframes("curvescan", None, 2)
+    keyframes = Keyframes(find_matcher("curvescan"))
     for k, scan in enumerate(cs.simulate("round-room", poses=poses, odometry_noise=None)):
         keyframes.add(scan, k)
     one, other = keyframes.prepared(0), keyframes.prepared(1)

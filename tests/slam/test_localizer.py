@@ -16,7 +16,7 @@ from curvescan.odometry import StepOutcome
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.simulation import build_world
 from curvescan.slam import SlamMap
-from curvescan.slam.localization.matching import Hit, fused
+from curvescan.slam.localization.matching import Hit
 from localization_runs import false_elsewhere, first_fixes, tracked
 from localization_tasks import in_frame_of, task_of_floor, with_closed_doors, with_moved_things
 from tests.slam.map_example import FILE, ROOM, lap, scans
@@ -83,10 +83,10 @@ def test_the_sensor_is_found_in_a_stored_map_from_anywhere(stored: SlamMap, star
 @pytest.mark.slow
 def test_one_scan_alone_is_located(stored: SlamMap) -> None:
     poses = lap()[20:21]
-    hits = cs.Localizer(stored).locate(scans(poses, seed=3)[0])
-    assert hits
+    step = cs.Localizer(stored).add(scans(poses, seed=3)[0])
+    assert step.outcome is StepOutcome.FOUND
     true = se2.between(lap()[0], poses[0])
-    assert np.hypot(*(hits[0].here.pose[:2] - true[:2])) < 0.05
+    assert np.hypot(*(step.pose[:2] - true[:2])) < 0.05
 
 
 @pytest.mark.slow
@@ -101,10 +101,10 @@ def test_walls_hold_a_scan_along_what_its_matches_leave_open(stored: SlamMap, mo
         return [replace(hit, here=here) for hit, here in zip(hits, moved, strict=True)], is_due
 
     monkeypatch.setattr(localizer._matching, "around", slid)
-    hits = localizer.locate(scans(lap()[60:61], seed=3)[0])
-    assert hits
+    step = localizer.add(scans(lap()[60:61], seed=3)[0])
+    assert step.outcome is StepOutcome.FOUND
     true = se2.between(lap()[0], lap()[60])
-    assert np.hypot(*(fused(list(hits)).pose[:2] - true[:2])) < 0.1
+    assert np.hypot(*(step.pose[:2] - true[:2])) < 0.1
 
 
 @pytest.mark.slow

@@ -29,7 +29,7 @@ def test_it_keeps_the_true_closures_and_no_false_one(share: float) -> None:
     truth = loop(n)
     edges, is_false = _with_outliers(measured_edges(truth, ladder(n), seed=1), n, share, seed=2)
     is_chain = np.arange(len(edges.ends)) < n - 1
-    found = optimize_robustly(dead_reckoning(edges, n), edges, 1.0 * is_chain, np.array([0]), limit=16.0)
+    found = optimize_robustly(dead_reckoning(edges, n), edges, 1.0 * is_chain)
     assert found.weights[is_false].max() == 0.0
     assert found.weights[~is_false].min() > 0.99
     off = se2.between(truth, found.poses)
@@ -42,7 +42,7 @@ def test_an_edge_wins_its_vote_back() -> None:
     edges = measured_edges(truth, ladder(n), seed=3)
     is_chain = np.arange(len(edges.ends)) < n - 1
     lost = is_chain.astype(np.float64)
-    found = optimize_robustly(truth, edges, lost, np.array([0]), limit=16.0, weights=lost)
+    found = optimize_robustly(truth, edges, lost, weights=lost)
     assert found.weights.min() == 1.0
 
 
@@ -53,9 +53,7 @@ def test_a_step_that_slipped_gives_way_and_keeps_its_least_weight() -> None:
     slipped = edges.measured.copy()
     slipped[25, 0] += 2.0
     least = np.where(np.arange(len(edges.ends)) < n - 1, 1e-4, 0.0)
-    found = optimize_robustly(
-        dead_reckoning(edges, n), edges._replace(measured=slipped), least, np.array([0]), limit=16.0
-    )
+    found = optimize_robustly(dead_reckoning(edges, n), edges._replace(measured=slipped), least)
     assert found.weights[25] == 1e-4
     # between two closures nothing tells which of three steps it was
     assert set(np.flatnonzero(found.weights < 0.5).tolist()) <= {24, 25, 26}

@@ -21,10 +21,10 @@ from curvescan.diagnostics.issues import Issue
 from curvescan.errors import InvalidArgumentError
 from curvescan.io import read_log
 from curvescan.io.log import Log, ScanAccess
+from curvescan.io.ros.odometry import poses_at
 from curvescan.io.ros.transforms import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Odometry
-from curvescan.odometry.rig import poses_at
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Floats, Pose
 
@@ -156,7 +156,7 @@ def _track_of(log: Log) -> Trajectory:
 
 def common_motions(a: Trajectory, b: Trajectory) -> tuple[Pose, Pose]:
     """Return (n, 3) motions of two sensors over the same pieces of a drive, at the stamps of the first."""
-    poses_a, poses_b = poses_at(a, a.stamps), poses_at(b, a.stamps)
+    poses_a, poses_b = poses_at(a.stamps, a.to_array()), poses_at(a.stamps, b.to_array())
     both = np.isfinite(poses_a).all(axis=1) & np.isfinite(poses_b).all(axis=1)
     poses_a, poses_b = poses_a[both], poses_b[both]
     ends = [0]

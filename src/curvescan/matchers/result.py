@@ -30,15 +30,13 @@ def prior_of(prior: UncertainPose | None, guess: ArrayLike | None, name: str = "
         if prior is not None:
             raise InvalidArgumentError("prior and guess say the same: give one of them")
         return UncertainPose(_as_pose(guess, name or "guess"), GUESS_COVARIANCE)
-    if prior is None:
-        return None
-    name = name or "prior"
+    return None if prior is None else known_pose(prior, name or "prior")
+
+
+def known_pose(prior: UncertainPose, name: str) -> UncertainPose:
+    """Return a pose with its covariance, checked. Raises InvalidArgumentError."""
     if not isinstance(prior, UncertainPose):
         raise InvalidArgumentError(f"{name} must be an UncertainPose(pose, covariance), got {type(prior).__name__}")
-    return _as_prior(prior, name)
-
-
-def _as_prior(prior: UncertainPose, name: str) -> UncertainPose:
     pose = _as_pose(prior.pose, f"{name}.pose")
     try:
         cov = np.asarray(prior.covariance, dtype=np.float64)

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.matchers import Candidate, MatchResult, PreparedScan, prepare
-from curvescan.matchers.registry import Matcher, MatcherConfig
+from curvescan.matchers import Candidate, MatchResult, PreparedScan, prepared
+from curvescan.matchers.registry import Matcher
 from curvescan.matchers.result import Outcome
 from curvescan.odometry.config import MotionConfig, OdometryConfig
 from curvescan.odometry.motion_model import Prediction
@@ -121,13 +121,12 @@ class Matching:
     """A matcher with its configuration, as the odometry uses it."""
 
     method: str  # name of the matcher
-    matcher_config: MatcherConfig | None  # the matcher's configuration as it was given; None for its defaults
-    matcher: Matcher  # the matcher
+    matcher: Matcher  # the matcher, with its configuration
     config: OdometryConfig  # the odometry's configuration
 
     def prepare(self, scan: LaserScan) -> PreparedScan:
         """Return a scan ready to be matched."""
-        return prepare(scan, method=self.method, config=self.matcher_config)
+        return prepared(scan, self.matcher, "scan")
 
     def match(
         self, reference: PreparedScan, current: PreparedScan, origin: UncertainPose, prediction: Prediction

@@ -60,10 +60,7 @@ class Odometry:
         found = find_matcher(method, matcher, name="matcher")
         hint = "the configuration of the matcher is given as matcher="
         self._matching = Matching(
-            method=method,
-            matcher_config=matcher,
-            matcher=found,
-            config=as_config(config, OdometryConfig.of_method(method), hint=hint),
+            method=method, matcher=found, config=as_config(config, OdometryConfig.of_method(method), hint=hint)
         )
         self._state = State(motion=MotionModel.at_start(self.config.motion))
 

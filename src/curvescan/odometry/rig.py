@@ -13,7 +13,7 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,9 +25,12 @@ from curvescan.io import read_log
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.io.files.lines import as_path
 from curvescan.io.log import ScanAccess
+from curvescan.io.ros.odometry import poses_at
 from curvescan.io.ros.transforms import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry.odometry import Odometry
+from curvescan.odometry.run import Engine
+from curvescan.odometry.step import Step
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Points, Pose
 
@@ -36,18 +39,6 @@ _HIDDEN = 0.1
 
 _LONGEST_S = 1.0
 """The velocity of the base is not known across a longer pause, seconds."""
-
-
-class _Step(Protocol):
-    @property
-    def motion(self) -> Pose: ...
-
-
-_S = TypeVar("_S", bound=_Step, covariant=True)
-
-
-class _Engine(Protocol[_S]):
-    def add(self, scan: LaserScan, /) -> _S: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,9 +112,7 @@ class Rig:
         twist = np.asarray(velocity, dtype=np.float64)
         if twist.shape != (3,) or not np.isfinite(twist).all():
             raise InvalidArgumentError(f"velocity must be three finite numbers vx, vy, omega, got {velocity!r}")
-        unknown = sorted(set(scans) - set(self.mounts))
-        if unknown or not scans:
-            raise InvalidArgumentError(f"scans must be of {', '.join(self.mounts)}, got {', '.join(unknown) or 'none'}")
+        self._check_names(scans, "scans")
         stamps = {name: scan.stamp + middle_of_sweep(scan) for name, scan in scans.items()}
         stamp = max(stamps.values())
         points = np.concatenate(
@@ -157,9 +146,7 @@ class Rig:
         InvalidArgumentError
             When a name is not of this rig.
         """
-        unknown = sorted(set(logs) - set(self.mounts))
-        if unknown:
-            raise InvalidArgumentError(f"logs must be of {', '.join(self.mounts)}, got {', '.join(unknown)}")
+        self._check_names(logs, "logs")
         groups = RigJoiner(len(logs))
         streams = [zip(itertools.repeat(name), log, strict=False) for name, log in logs.items()]
         for name, scan in heapq.merge(*streams, key=lambda item: item[1].stamp):
@@ -168,7 +155,14 @@ class Rig:
         if groups.begun:
             yield groups.begun
 
-    def track(self, logs: Mapping[str, Iterable[LaserScan]], engine: _Engine[_S]) -> Iterator[_S]:
+    def _check_names(self, given: Mapping[str, Any], what: str) -> None:
+        unknown = sorted(set(given) - set(self.mounts))
+        if unknown or not given:
+            raise InvalidArgumentError(
+                f"{what} must be of {', '.join(self.mounts)}, got {', '.join(unknown) or 'none'}"
+            )
+
+    def track(self, logs: Mapping[str, Iterable[LaserScan]], engine: Engine) -> Iterator[Step]:
         """Yield the steps of an odometry, a SLAM or a localizer that is given the joined scans of several lasers.
 
         Parameters
@@ -183,12 +177,16 @@ class Rig:
         InvalidArgumentError
             When a name is not of this rig.
         """
+        return (step for _, step in self._joined(logs, engine))
+
+    def _joined(self, logs: Mapping[str, Iterable[LaserScan]], engine: Engine) -> Iterator[tuple[LaserScan, Step]]:
+        """Yield the joined scans, each with its step by an engine, whose motion joins the next one."""
         joiner = RigJoiner(len(logs), self)
         for scans in self.together(logs):
             scan = joiner.join(scans)
             step = engine.add(scan)
             joiner.moved(scan, step.motion)
-            yield step
+            yield scan, step
 
     @classmethod
     def of_bag(cls, path: str | os.PathLike[str], *, body_radius: float = 0.0) -> Self:
@@ -233,16 +231,13 @@ class Rig:
             When a laser has no topic in it.
         """
         logs = {topic: read_log(path, topic=topic) for topic in self.mounts}
-        joiner, odometry, scans = RigJoiner(len(logs), self), Odometry(), []
-        for group in self.together(logs):
-            scans.append(joiner.join(group))
-            joiner.moved(scans[-1], odometry.add(scans[-1]).motion)
+        scans = tuple(scan for scan, _ in self._joined(logs, Odometry()))
         laser = next(iter(logs.values()))
         wheels = laser.robot_odometry() if isinstance(laser, ScanAccess) else None
         stamps = np.array([scan.stamp for scan in scans])
         return MemoryLog(
-            scans=tuple(scans),
-            odometry=None if wheels is None else Trajectory(stamps=stamps, poses=poses_at(wheels, stamps)),
+            scans=scans,
+            odometry=None if wheels is None else Trajectory(stamps=stamps, poses=poses_at(stamps, wheels.to_array())),
             name=laser.name,
             format=laser.format,
             notes=(f"of {len(logs)} lasers, joined at the robot's base: {', '.join(logs)}",),
@@ -277,16 +272,6 @@ class RigJoiner:
         seconds = scan.stamp - self._before
         is_known = 0.0 < seconds < _LONGEST_S and bool(np.isfinite(motion).all())
         self._velocity, self._before = se2.log(motion) / seconds if is_known else np.zeros(3), scan.stamp
-
-
-def poses_at(track: Trajectory, stamps: Floats) -> Pose:
-    """Return (n, 3) poses of a track at times, by constant velocity between its known ones; NaN before and after."""
-    known = np.isfinite(track.poses).all(axis=1)
-    if not known.any():
-        return np.full((len(stamps), 3), np.nan)
-    times, (x, y, theta) = track.stamps[known], track.poses[known].T
-    columns = [np.interp(stamps, times, one, left=np.nan, right=np.nan) for one in (x, y, np.unwrap(theta))]
-    return np.stack(columns, axis=-1)
 
 
 def _seen_points(scan: LaserScan, twist: Floats, mount: Pose) -> Points:

@@ -31,12 +31,10 @@ class KeyframesConfig:
     n_lost: int = 8
     """Scans in a row that neither a match nor wheels place, after which nothing is known of the motion: the next
     keyframe begins a fragment."""
-    n_prepared: int = 1000
-    """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
 
     def __post_init__(self) -> None:
         _require_positive(self, "distance", "turn")
-        _require_counts(self, "n_lost", "n_prepared")
+        _require_counts(self, "n_lost")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,13 +14,14 @@ from curvescan import se2
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.jobs import Problem, covariances_seen_from
+from curvescan.slam.jobs import Solution
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.belief import Belief
 from curvescan.slam.loops.closures import Closure, difference, measured
 from curvescan.slam.loops.cycles import Chain
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, components
+from curvescan.slam.pose_graph.posterior import covariances_seen_from
 from curvescan.slam.thinning import Heir, thin, with_heirs
 from curvescan.types import Bools, Cov, Pose
 
@@ -52,14 +53,12 @@ class GrowingMap:
         """Take a map to continue."""
         for k, scan in enumerate(slam_map.scans):
             self.keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
-            self.graph.add_pose(slam_map.poses[k])
             step = se2.between(slam_map.poses[max(k - 1, 0)], slam_map.poses[k])
             self._motions.append(UncertainPose(step, _NOTHING_KNOWN))
-        for k, (i, j) in enumerate(slam_map.ends.tolist()):
-            pose, covariance, kind = slam_map.measured[k], slam_map.edge_covariances[k], EdgeKind(slam_map.kinds[k])
-            self.graph.add_edge(i, j, pose, covariance, kind, float(slam_map.weights[k]))
-            if j == i + 1 and kind != EdgeKind.CLOSURE:
-                self._motions[j] = UncertainPose(self._motions[j].pose, covariance)
+        self.graph = slam_map.graph()
+        for k, (i, j) in enumerate(self.graph.ends.tolist()):
+            if j == i + 1 and not self.graph.is_closure[k]:
+                self._motions[j] = UncertainPose(self._motions[j].pose, slam_map.edge_covariances[k])
         self.fragments = components(self.graph.ends, self.graph.n_poses).tolist()
 
     def start(self, scan: LaserScan, index: int, pose: Pose, session: int) -> int:
@@ -148,15 +147,16 @@ class GrowingMap:
         fragments[rows] = earlier
         self.fragments = fragments.tolist()
 
-    def adopt(self, solution: Problem, covariances: Cov) -> None:
+    def adopt(self, solution: Solution) -> None:
         """Take the poses of an optimization; keyframes that came since move along with the one they hang on."""
-        n, k = len(solution.poses), solution.current
+        solved, k, covariances = solution
+        n = solved.n_poses
         later = se2.between(self.graph.poses[k], self.graph.poses[n:])
         self.since = self.along(k, self.current)
-        self.graph.poses[:n] = solution.poses
-        self.graph.poses[n:] = se2.compose(solution.poses[k], later)
-        self.graph.weights[: len(solution.weights)] = solution.weights
-        self.belief, self._settled = Belief.of(k, solution.poses, covariances), None
+        self.graph.poses[:n] = solved.poses
+        self.graph.poses[n:] = se2.compose(solved.poses[k], later)
+        self.graph.weights[: len(solved.weights)] = solved.weights
+        self.belief, self._settled = Belief.of(k, solved.poses, covariances), None
 
     def thin(self) -> tuple[Bools, list[int]]:
         """Let the oldest keyframes of places that hold too many go; return which rows stay, and the others' numbers."""
@@ -187,7 +187,7 @@ class GrowingMap:
         """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly."""
         if self.graph.n_poses == 0:
             return np.empty((0, 3, 3))
-        return covariances_seen_from(Problem.of(self.graph), self.config.noise)
+        return covariances_seen_from(self.graph, 0, self.config.noise)
 
     def placed(self) -> tuple[Pose, Cov]:
         """Return poses and covariances of all keyframes there ever were, by number."""
@@ -195,12 +195,11 @@ class GrowingMap:
 
     def snapshot(self) -> SlamMap:
         """Return the map as it is now."""
-        names = "poses", "ends", "measured", "edge_covariances", "kinds", "weights"
         everyone = [self.keyframes[k] for k in range(len(self.keyframes))]
         return SlamMap(
             scans=tuple(keyframe.scan for keyframe in everyone),
             covariances=self.covariances(),
             indices=np.array([keyframe.index for keyframe in everyone], dtype=np.int64),
             sessions=np.array([keyframe.session for keyframe in everyone], dtype=np.int64),
-            **{name: getattr(self.graph, name).copy() for name in names},
+            **self.graph.arrays(),
         )

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from curvescan.matchers import DEFAULT_METHOD, MatchResult, PreparedScan, find_matcher, prepare
-from curvescan.matchers.registry import MatcherConfig
+from curvescan.matchers import DEFAULT_METHOD, Matcher, MatchResult, PreparedScan, find_matcher, prepare, prepared
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
@@ -25,6 +24,9 @@ _APART_M = 0.05
 
 _FLAT = 0.01
 """Variance of a wall across the direction, of that along it: of more it is none."""
+
+_N_PREPARED = 1000
+"""Keyframes whose features are held in memory; those of others are computed again when they are needed."""
 
 _N_ROUNDS = 3
 """Two walls in one line part only where the direction is nearly right."""
@@ -43,8 +45,8 @@ class Keyframe:
 class Keyframes:
     """All keyframes, by row; `index` tells which of them look like a scan; the features of those used last are kept."""
 
-    def __init__(self, method: str, matcher_config: MatcherConfig | None, n_prepared: int) -> None:
-        self._method, self._matcher_config, self._n_prepared = method, matcher_config, n_prepared
+    def __init__(self, matcher: Matcher) -> None:
+        self._matcher = matcher
         self._all: list[Keyframe] = []
         self._numbers = itertools.count()
         self.profiles = Rows((2, N_SECTORS))
@@ -93,7 +95,7 @@ class Keyframes:
         if found is None:
             found = self.prepare(self._all[k].scan)
             self._prepared[number] = found
-            if len(self._prepared) > self._n_prepared:
+            if len(self._prepared) > _N_PREPARED:
                 self._prepared.popitem(last=False)
         else:
             self._prepared.move_to_end(number)
@@ -115,7 +117,7 @@ class Keyframes:
 
     def prepare(self, scan: LaserScan) -> PreparedScan:
         """Return any scan ready to be matched with keyframes."""
-        return prepare(scan, method=self._method, config=self._matcher_config)
+        return prepared(scan, self._matcher, "scan")
 
 
 def is_turn(direction: Pose) -> bool:

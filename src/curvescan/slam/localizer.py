@@ -10,15 +10,14 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from curvescan import se2
 from curvescan.configs import as_config
 from curvescan.mapping.occupancy import OccupancyGrid
-from curvescan.matchers import DEFAULT_METHOD
+from curvescan.matchers import DEFAULT_METHOD, find_matcher
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
@@ -43,6 +42,14 @@ _NOWHERE = UncertainPose(np.full(3, np.nan), np.full((3, 3), np.nan))
 """The pose of a sensor that is searched for."""
 
 
+class Fix(NamedTuple):
+    """Where the sensor was at the last scan that was matched with the map."""
+
+    here: UncertainPose  # in the map
+    step: Step  # of the odometry, at that scan
+    keyframe: int  # that it was matched with
+
+
 class Localizer:
     """Finds and follows a sensor in a map.
 
@@ -57,8 +64,6 @@ class Localizer:
         Its configuration.
     config : SlamConfig or None
         None for the defaults.
-    n_tried : int
-        Poses that a scan is held against in detail while the sensor is searched for.
     """
 
     def __init__(
@@ -68,23 +73,21 @@ class Localizer:
         method: str = DEFAULT_METHOD,
         matcher: MatcherConfig | None = None,
         config: SlamConfig | Mapping[str, Any] | None = None,
-        n_tried: int = 12,
     ) -> None:
         hint = "the configuration of the matcher is given as matcher="
         rules = as_config(config, SlamConfig(), hint=hint)
         slam_map, field, self.config = with_field(opened(slam_map), rules)
         self.map = slam_map
-        self.method, self._matcher, self._n_tried = method, matcher, n_tried
-        n_prepared = max(self.config.keyframes.n_prepared, len(slam_map))
-        self._keyframes = Keyframes(method, matcher, n_prepared)
+        self.method, self._matcher = method, matcher
+        self._keyframes = Keyframes(find_matcher(method, matcher, name="matcher"))
         for k, scan in enumerate(slam_map.scans):
             self._keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
         self._matching = MapMatcher(slam_map, self._keyframes, self.config, field)
-        self._search = MapSearch(field, slam_map.poses, self._keyframes, n_tried)
+        self._search = MapSearch(field, slam_map.poses, self._keyframes)
         self.reset()
 
     def __repr__(self) -> str:
-        found = "not found" if self._here is None else "found"
+        found = "not found" if self._fix is None else "found"
         return f"Localizer({self.method}: in a map of {len(self.map):,} keyframes, {found})"
 
     def reset(
@@ -112,10 +115,7 @@ class Localizer:
         if not keeps_odometry:
             self.odometry = Odometry(self.method, matcher=self._matcher, config=self.config.odometry)
             self._deskewer = Deskewer()
-            self._last: Step | None = None  # of the scan before
-        self._here: UncertainPose | None = None  # at the last scan matched with the map
-        self._keyframe = -1  # that it was matched with
-        self._anchor: Step | None = None  # the odometry's step of that scan
+        self._fix: Fix | None = None
         self._views: tuple[Views, Step] | None = None  # of the search, and the step of the last one
         self._n_missed = 0  # scans in a row that should have matched the map
         self._n_lost = 0
@@ -137,27 +137,14 @@ class Localizer:
         self._n_lost = self._n_lost + 1 if is_unmeasured else 0
         self._is_torn |= is_unmeasured
         if step.outcome is StepOutcome.LOST or self._n_lost >= self.config.keyframes.n_lost:
-            self._here = None
+            self._fix = None
         if self._prior is not None and not self._is_told:
             moved = self.config.noise.doubled(UncertainPose(step.motion, step.motion_covariance))
             self._prior = self._prior.moved(moved, is_doubtful=is_unmeasured)
         self._is_told = False
-        if self._here is None or self._anchor is None:
-            localized = self._look(scan, step)
-        else:
-            localized = self._track(scan, step, self._here, self._anchor)
-        self._last = step
-        return localized
-
-    def locate(self, scan: LaserScan) -> tuple[Hit, ...]:
-        """Return where one scan alone is in the map: matches with keyframes there; none where it is not sure.
-
-        Parameters
-        ----------
-        scan : LaserScan
-            Any scan, also one of another session.
-        """
-        return tuple(self._confirmed(scan, self._search.look(scan).winner))
+        if self.config.odometry.deskew:  # as the map's keyframes are
+            scan = self._deskewer.deskewed(scan, step.motion)
+        return self._look(scan, step) if self._fix is None else self._track(scan, step, self._fix)
 
     def _look(self, scan: LaserScan, step: Step) -> Step:
         """Look for the sensor in the whole map."""
@@ -168,31 +155,29 @@ class Localizer:
             if self._is_near(before[1], 0.7):
                 return self._at(step, StepOutcome.SEARCHING)
         self._is_torn = False
-        scan = self._deskewed(scan, step)
-        similar = self._matching.similar(scan, self._n_tried)
+        similar = self._matching.similar(scan)
         views = self._search.look(scan, prior=self._prior, before=before, matched=similar)
         self._views = views, step
         hits = self._confirmed(scan, views.winner)
         return self._take(step, StepOutcome.FOUND, fused(hits), hits) if hits else self._at(step, StepOutcome.SEARCHING)
 
-    def _track(self, scan: LaserScan, step: Step, here: UncertainPose, anchor: Step) -> Step:
+    def _track(self, scan: LaserScan, step: Step, fix: Fix) -> Step:
         """Follow the sensor from where it was."""
-        moved = between_steps(anchor, step)
-        expected = compose(here, moved)
+        moved = between_steps(fix.step, step)
+        expected = compose(fix.here, moved)
         if self._is_near(moved, 0.5) and not self._is_torn and self._n_missed == 0:
-            return self._at(step, StepOutcome.TRACKED, expected)
-        scan = self._deskewed(scan, step)
+            return self._at(step, StepOutcome.TRACKED, expected, fix.keyframe)
         points, field = points_of(scan), self._matching.field
         # after a motion in doubt no other place may agree as well
         alone = self._search.look(scan, prior=self._prior) if self._is_torn else None
         vague = self.config.noise.doubled(expected)
-        found, is_due = self._matching.around(scan, vague, seen_from=self._keyframe)
+        found, is_due = self._matching.around(scan, vague, seen_from=fix.keyframe)
         hits = self._matching.settled(points, found)
         now = expected
         if hits:
-            now, _ = fuse(self._matching.seen_from(expected, self._keyframe, hits[0]), fused(hits))
+            now, _ = fuse(self._matching.seen_from(expected, fix.keyframe, hits[0]), fused(hits))
         fit = field.agreement(points, now.pose).score
-        view = said(contour_length(points), fit)
+        view = said(contour_length(points), fit).by_walls
         prior = float(self._search.known(self._prior, now.pose[np.newaxis])[0])
         if hits and fit > 0.0 and (alone is None or alone.is_best(now.pose, view + prior)):
             return self._take(step, StepOutcome.TRACKED, now, hits, view)
@@ -203,9 +188,9 @@ class Localizer:
         if elsewhere:
             return self._take(step, StepOutcome.FOUND, fused(elsewhere), elsewhere)
         if self._n_missed >= self.config.keyframes.n_lost:
-            self._here, self._views = None, None
+            self._fix, self._views = None, None
             return self._look(scan, step)
-        return self._at(step, StepOutcome.PREDICTED, expected)
+        return self._at(step, StepOutcome.PREDICTED, expected, fix.keyframe)
 
     def _confirmed(self, scan: LaserScan, place: Place | None) -> list[Hit]:
         """Return matches that put a scan at a place; none where they leave a direction open."""
@@ -224,12 +209,6 @@ class Localizer:
         is_worse = fit < max(0.0, least - worse)
         return [] if is_worse or matching.is_open(here) or not is_same(place.pose, here.pose) else hits
 
-    def _deskewed(self, scan: LaserScan, step: Step) -> LaserScan:
-        """Return the scan as the map's keyframes are: deskewed by the motion since the one before."""
-        if self._last is None or not self.config.odometry.deskew:
-            return scan
-        return self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
-
     def _is_near(self, moved: UncertainPose, share: float) -> bool:
         """Return whether a motion is less than a share of what makes a new keyframe due."""
         rules, (x, y, theta) = self.config.keyframes, moved.pose.tolist()
@@ -239,18 +218,17 @@ class Localizer:
         self, step: Step, outcome: StepOutcome, here: UncertainPose, hits: Sequence[Hit], view: float = 0.0
     ) -> Step:
         """Take a pose that matches found; view: What the map says of it where it was expected."""
-        self._here, self._anchor, self._keyframe = here, step, hits[0].keyframe
+        self._fix = Fix(here, step, hits[0].keyframe)
         is_expected = self._prior is not None and self._search.known(self._prior, here.pose[np.newaxis])[0] > 0.0
         self._prior = self._prior.confirmed(here, view) if self._prior and is_expected else Prior(here=here)
         self._views = None
         self._n_missed = 0
         self._is_torn = False
-        return self._at(step, outcome, here, self._keyframe)
+        return self._at(step, outcome, here, self._fix.keyframe)
 
     def _at(self, step: Step, outcome: StepOutcome, here: UncertainPose = _NOWHERE, keyframe: int = -1) -> Step:
         """Return the step of a scan whose pose in the map is `here`, by its step of the odometry."""
-        is_known = here is not _NOWHERE
-        around, covariance = self._matching.in_map(here, self._keyframe) if is_known else (here, here.cov)
+        around, covariance = (here, here.cov) if self._fix is None else self._matching.in_map(here, self._fix.keyframe)
         return replace(
             step,
             pose=around.pose,

@@ -12,6 +12,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.scan import LaserScan
 from curvescan.slam.map_file import read_map_file, write_map_file
+from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.types import Cov, Floats, Ints, Pose, PoseEdge
 
 
@@ -74,6 +75,16 @@ class SlamMap:
             i, j = self.ends[k].tolist()
             yield PoseEdge(i=i, j=j, pose=self.measured[k], covariance=self.edge_covariances[k])
 
+    def graph(self) -> PoseGraph:
+        """Return the poses and the edges as a graph of their own."""
+        graph = PoseGraph()
+        for pose in self.poses:
+            graph.add_pose(pose)
+        edges = zip(self.ends.tolist(), self.measured, self.edge_covariances, self.kinds, self.weights, strict=True)
+        for (i, j), *edge in edges:
+            graph.add_edge(i, j, *edge)
+        return graph
+
     def occupancy(self, config: OccupancyConfig | None = None) -> OccupancyGrid:
         """Return the occupancy that was stored; with a config, or where none was, that of the keyframes."""
         if config is None and self.grid is not None:
@@ -82,11 +93,6 @@ class SlamMap:
         for scan, pose in zip(self.scans, self.poses, strict=True):
             builder.add(scan, pose)
         return builder.grid(is_last=True)
-
-    @staticmethod
-    def load(path: str | os.PathLike[str]) -> SlamMap:
-        """Return a map that was saved; see :func:`curvescan.load_map`."""
-        return load_map(path)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the map to a file, conventionally NAME.csmap, in one step; see docs/slam.md for the format.

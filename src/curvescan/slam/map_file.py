@@ -28,14 +28,16 @@ VERSION = 1
 """Of the format that is written; files of this version and of those before it are read."""
 
 _UPPER = np.triu_indices(3)
-_SETUP = ("angle_min", "angle_increment", "range_min", "range_max", "is_uneven")
 _GRID = (
     "resolution", "hit", "miss", "lowest", "highest", "occupied_from", "free_to", "clear_no_return",
 )  # fmt: skip
-_REQUIRED = (
-    "csmap_version", "poses", "covariances", "indices", "sessions", "stamps", "n_beams", "setups", "ranges",
-    "angles", "edge_ends", "edge_poses", "edge_covariances", "edge_kinds", "edge_weights",
-)  # fmt: skip
+_OF_KEYFRAMES = {
+    "poses": (3,), "covariances": (6,), "indices": (), "sessions": (), "stamps": (), "n_beams": (), "setups": (5,),
+}  # fmt: skip
+_OF_EDGES = {"edge_ends": (2,), "edge_poses": (3,), "edge_covariances": (6,), "edge_kinds": (), "edge_weights": ()}
+"""The shape of a row of each array that has one a keyframe, or one an edge."""
+
+_REQUIRED = (*_OF_KEYFRAMES, *_OF_EDGES, "csmap_version", "ranges", "angles")
 
 
 def write_map_file(path: str | os.PathLike[str], slam_map: SlamMap) -> None:
@@ -53,7 +55,7 @@ def write_map_file(path: str | os.PathLike[str], slam_map: SlamMap) -> None:
         "setups": np.array(
             [(s.angle_min, s.angle_increment, s.range_min, s.range_max, not s.has_uniform_angles) for s in scans],
             dtype=np.float64,
-        ).reshape(-1, len(_SETUP)),
+        ).reshape(-1, *_OF_KEYFRAMES["setups"]),
         "ranges": np.concatenate([s.ranges for s in scans] or [np.empty(0)]).astype(np.float32),
         "angles": np.concatenate([s.angles for s in uneven] or [np.empty(0)]),
         "edge_ends": slam_map.ends,
@@ -101,19 +103,15 @@ def read_map_file(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _map_of(arrays: dict[str, Floats]) -> dict[str, Any]:
-    n, m = len(arrays["poses"]), len(arrays["edge_ends"])
-    shapes = {
-        "poses": (n, 3), "covariances": (n, 6), "indices": (n,), "sessions": (n,), "stamps": (n,),
-        "n_beams": (n,), "setups": (n, len(_SETUP)), "edge_ends": (m, 2), "edge_poses": (m, 3),
-        "edge_covariances": (m, 6), "edge_kinds": (m,), "edge_weights": (m,),
-    }  # fmt: skip
-    for name, shape in shapes.items():
-        if arrays[name].shape != shape:
-            raise ValueError(f"{name} must have shape {shape}, got {arrays[name].shape}")
-        if name != "setups" and not np.isfinite(arrays[name]).all():
-            raise ValueError(f"{name} must be finite")
+    sizes = (len(arrays["poses"]), len(arrays["edge_ends"]))
+    for n, rows in zip(sizes, (_OF_KEYFRAMES, _OF_EDGES), strict=True):
+        for name, row in rows.items():
+            if arrays[name].shape != (n, *row):
+                raise ValueError(f"{name} must have shape {(n, *row)}, got {arrays[name].shape}")
+            if name != "setups" and not np.isfinite(arrays[name]).all():
+                raise ValueError(f"{name} must be finite")
     ends = arrays["edge_ends"].astype(np.int64)
-    if m and not (ends.min() >= 0 and ends.max() < n and (ends[:, 0] != ends[:, 1]).all()):
+    if not ((ends >= 0) & (ends < sizes[0])).all() or (ends[:, 0] == ends[:, 1]).any():
         raise ValueError("an edge joins keyframes that are not there")
     kinds = arrays["edge_kinds"].astype(np.int64)
     # maps were saved with edges of the wheels alone, beside those of the same steps

@@ -12,6 +12,7 @@ import os
 import sys
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from copy import deepcopy
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -31,7 +32,7 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
-from curvescan.slam.jobs import Problem, solve
+from curvescan.slam.jobs import Solution, solve
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import Beside, LoopSearch
 from curvescan.slam.loops.audit import Contradiction
@@ -40,7 +41,7 @@ from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.open_drive import UNMEASURED, OpenDrive, between_steps
 from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.records import Records
-from curvescan.types import Cov, Ints, Pose
+from curvescan.types import Ints, Pose
 
 _VAGUE = 0.3
 """A new keyframe is due when the way since the last one is known no better than this, metres: along a bare corridor the
@@ -84,7 +85,7 @@ class Slam:
         self.config = as_config(config, SlamConfig(), hint=hint)
         self.method = method
         self.odometry = Odometry(method, matcher=matcher, config=self.config.odometry)
-        self.keyframes = Keyframes(method, matcher, self.config.keyframes.n_prepared)
+        self.keyframes = Keyframes(self.odometry.matcher)
         self._map = GrowingMap(self.keyframes, self.config)
         self._search = LoopSearch(self._map, self.config)
         self._session = 0
@@ -95,12 +96,11 @@ class Slam:
         self._records = Records()
         self._deskewer = Deskewer()
         self._open_drive = OpenDrive()
-        self._last: Step | None = None
         self._origin: Step | None = None  # the step of the current keyframe
         self._n_lost = self._n_most_lost = 0  # scans that nothing places, now and since the current keyframe
         self._n_scans = 0
         self._beside = ThreadPoolExecutor(1, thread_name_prefix="curvescan-slam")
-        self._job: Future[tuple[Problem, Cov]] | None = None
+        self._job: Future[Solution] | None = None
         self._job_due = 0
         self._contradictions: tuple[Contradiction, ...] = ()
 
@@ -141,7 +141,6 @@ class Slam:
                 seen = self._begin_fragment(scan, step, se2.compose(self._map.current_in_map().pose, seen.pose))
             elif self._is_due(seen) and (step.is_driven or not step.is_unsettled):
                 seen = self._make_keyframe(scan, step, seen)
-        self._last = step
         self._n_scans += 1
         self._records.add(step.stamp, seen)
         closures = self._search.work(step.index, self.config.closures.matches_per_scan)
@@ -164,9 +163,8 @@ class Slam:
         return float(seen.cov[0, 0] + seen.cov[1, 1]) >= _VAGUE**2
 
     def _make_keyframe(self, scan: LaserScan, step: Step, seen: UncertainPose) -> UncertainPose:
-        assert self._last is not None
         if self.config.odometry.deskew:
-            scan = self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
+            scan = self._deskewer.deskewed(scan, step.motion)
         k = self._map.append(scan, step.index, seen)
         self._search.enqueue(k)
         return self._hang_on(k, step, seen)
@@ -181,7 +179,7 @@ class Slam:
 
     def _hang_on(self, k: int, step: Step, way: UncertainPose | None) -> UncertainPose:
         """Let scans hang on keyframe k, made of the scan of a step, and return the step seen from it."""
-        self._records.begin(self.keyframes[k].number, way)
+        self._records.begin(self.keyframes[k].number, None if way is None else way.pose)
         self._origin, self._n_most_lost = step, 0
         self._open_drive = self._open_drive.begun()
         return identity()
@@ -199,14 +197,14 @@ class Slam:
                 self._job, self._job_due = self._begin_job(), self._n_scans + _N_ADOPT
         return is_revised
 
-    def _begin_job(self, *, is_last: bool = False) -> Future[tuple[Problem, Cov]]:
+    def _begin_job(self, *, is_last: bool = False) -> Future[Solution]:
         self._search.is_urgent = False
-        return self._beside.submit(solve, Problem.of(self.graph, self._map.current), self.config.noise, is_last)
+        return self._beside.submit(solve, deepcopy(self.graph), self._map.current, self.config.noise, is_last)
 
     def _adopt(self) -> None:
         """Take the result of the optimization under way, if one is."""
         if self._job is not None:
-            self._map.adopt(*self._job.result())
+            self._map.adopt(self._job.result())
             self._job = None
 
     def finish(self, beside: Beside = partial) -> Trajectory:
@@ -228,7 +226,7 @@ class Slam:
         return self.trajectory()
 
     def _settle(self) -> None:
-        self._map.adopt(*self._begin_job(is_last=True).result())
+        self._map.adopt(self._begin_job(is_last=True).result())
 
     def trajectory(self) -> Trajectory:
         """Return every pose so far, in the map as it is now."""

@@ -9,6 +9,7 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.matchers import find_matcher
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
@@ -20,7 +21,7 @@ from tests.slam.map_example import FILE, lap, scans
 @pytest.fixture(scope="module")
 def matching() -> MapMatcher:
     stored = cs.load_map(FILE)
-    keyframes = Keyframes("curvescan", None, 100)
+    keyframes = Keyframes(find_matcher("curvescan"))
     for k, scan in enumerate(stored.scans):
         keyframes.add(scan, k)
     return MapMatcher(stored, keyframes, SlamConfig(), field_of(stored))

@@ -64,10 +64,10 @@ def test_matches_make_a_prior_surer_and_motions_that_nothing_measured_less_sure(
 @pytest.mark.parametrize(
     ("pose", "covariance", "rule"),
     [
-        ([1.0, 2.0], None, "pose must be three numbers x, y, theta, got"),
-        ([1.0, 2.0, np.nan], None, "pose must be three numbers x, y, theta, got"),
-        ([1.0, 2.0, 3.0], np.eye(2), r"covariance must be a symmetric \(3, 3\) matrix"),
-        ([1.0, 2.0, 3.0], np.triu(np.ones((3, 3))), r"covariance must be a symmetric \(3, 3\) matrix"),
+        ([1.0, 2.0], None, "initial_pose.pose must be three finite numbers"),
+        ([1.0, 2.0, np.nan], None, "initial_pose.pose must be three finite numbers"),
+        ([1.0, 2.0, 3.0], np.eye(2), r"initial_pose.covariance must be \(3, 3\)"),
+        ([1.0, 2.0, 3.0], np.triu(np.ones((3, 3))), "covariance must be symmetric"),
         ([1.0, 2.0, 3.0], np.diag([1.0, 1.0, 0.0]), "covariance must be positive definite"),
     ],
 )

@@ -7,12 +7,13 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.matchers import find_matcher
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamMap
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import contour_length, is_same, likely_poses, thinned
 from curvescan.slam.localization.field import DistanceField, field_of
-from curvescan.slam.localization.search import MapSearch, Place, Views, said
+from curvescan.slam.localization.search import MapSearch, Place, Said, Views, said
 from tests.slam.map_example import FILE, lap, scans
 
 
@@ -66,10 +67,8 @@ def _place(
     in_view, in_all = matches
     return Place(
         pose=np.array([x, 0.0, 0.0]),
-        walls=view,
-        view=view + in_view,
-        wall_support=support,
-        support=support + in_all,
+        view=Said(view + in_view, view),
+        support=Said(support + in_all, support),
         prior=prior,
     )
 
@@ -156,8 +155,8 @@ def test_a_place_is_best_by_the_margin() -> None:
 @pytest.mark.slow
 def test_support_is_carried_on_by_the_motion(stored: SlamMap, field: DistanceField) -> None:
     poses = lap()[[10, 20, 30]]
-    search = MapSearch(field, stored.poses, Keyframes("curvescan", None, 1), 5)
-    supports: list[float] = []
+    search = MapSearch(field, stored.poses, Keyframes(find_matcher("curvescan")))
+    supports: list[Said] = []
     views = None
     for k, scan in enumerate(scans(poses, seed=2)):
         moved = UncertainPose(se2.between(poses[k - 1], poses[k]), np.zeros((3, 3)))
@@ -177,5 +176,5 @@ def test_a_view_of_little_says_little(stored: SlamMap, field: DistanceField) -> 
     points = _points(scans(lap()[20:21], seed=2)[0])
     fit = field.agreement(points, pose).score
     whole, part = contour_length(points), contour_length(points[:30])
-    assert said(whole, fit) > 0.2
-    assert said(part, fit) < 0.5 * said(whole, fit)
+    assert said(whole, fit).by_walls > 0.2
+    assert said(part, fit).by_walls < 0.5 * said(whole, fit).by_walls

@@ -53,7 +53,7 @@ def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -
         source = f"transforms {shown(edge[0])} to {shown(edge[1])}"
     else:
         return BagOdometry(notes=tuple(notes))
-    poses = _at(stamps, np.array(motion).reshape(-1, 4))
+    poses = poses_at(stamps, np.array(motion).reshape(-1, 4))
     if np.all(np.isnan(poses)):
         notes.append(f"odometry from {source} does not cover the time of any scan: it is left out")
         return BagOdometry(notes=tuple(notes))
@@ -143,7 +143,7 @@ def _mount(tree: FrameTree, odometry: Edge, frame: str) -> tuple[Pose, tuple[str
     return mount, tuple(notes)
 
 
-def _at(stamps: Floats, rows: Floats) -> Pose:
+def poses_at(stamps: Floats, rows: Floats) -> Pose:
     """Return the (n, 3) poses at these stamps between rows of stamp, x, y, theta; NaN outside their time."""
     # no comparison with NaN holds: a row with one is left out, too
     rows = rows[np.all(np.abs(rows[:, 1:]) <= FARTHEST, axis=1)]

@@ -24,16 +24,20 @@ from curvescan.mapping.map_server import write_map
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import MatchResult, match
 from curvescan.odometry.measurement import as_measurement
-from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.jobs import Problem, covariances_seen_from
+from curvescan.slam.config import GATE, NoiseConfig
+from curvescan.slam.jobs import optimized
 from curvescan.slam.map import SlamMap
-from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Bools, Cov, Pose
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
+from curvescan.slam.pose_graph.posterior import covariances_seen_from
+from curvescan.types import Cov, Pose
 
 _VERSION = 1
 _KINDS = ("drop", "add", "pin", "forbid")
 _PINNED = np.diag([1e-6, 1e-6, 1e-6])
 """Covariance of a pinned keyframe seen from the first one: a millimetre and a milliradian."""
+
+NOISE = NoiseConfig()
+"""What the covariances of matches leave out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,92 +62,69 @@ class Edit:
             raise InvalidArgumentError('an edit that adds needs its "pose" and "covariance"')
 
 
-def edited(slam_map: SlamMap, edits: Sequence[Edit], config: SlamConfig | None = None) -> SlamMap:
+def edited(slam_map: SlamMap, edits: Sequence[Edit]) -> SlamMap:
     """Return a map with its graph edited and optimized again; its occupancy is made anew of the keyframes.
 
     Raises InvalidArgumentError when an edit names what the map does not have.
     """
     if not edits:
         return slam_map
-    graph = Problem.of(slam_map)
+    graph = slam_map.graph()
     for edit in edits:
-        graph = _applied(graph, edit)
-    return solved(slam_map, graph, config or SlamConfig())
+        _apply(graph, edit)
+    return solved(slam_map, graph)
 
 
-def _applied(graph: Problem, edit: Edit) -> Problem:
-    n, i, j = len(graph.poses), edit.i, edit.j
+def _apply(graph: PoseGraph, edit: Edit) -> None:
+    n, i, j = graph.n_poses, edit.i, edit.j
     if not (0 <= i < n and 0 <= j < n):
         raise InvalidArgumentError(f"the map has keyframes 0 to {n - 1}, got {j if 0 <= i < n else i}")
     if edit.do == "pin":
         if i == 0:
             raise InvalidArgumentError("keyframe 0 holds the frame of the map: it is pinned already")
         pose = graph.poses[i] if edit.pose is None else np.array(edit.pose)
-        return _with_edge(graph, 0, i, se2.between(graph.poses[0], pose), _PINNED)
-    if edit.do == "add":
+        _tie(graph, 0, i, se2.between(graph.poses[0], pose), _PINNED)
+    elif edit.do == "add":
         if i == j:
             raise InvalidArgumentError(f"a closure joins two keyframes, got {i} twice")
-        return _with_edge(graph, i, j, np.array(edit.pose), np.reshape(edit.covariance or (), (3, 3)))
-    is_closure = graph.kinds == EdgeKind.CLOSURE
-    if edit.do == "forbid":
-        return _without(graph, is_closure & ((graph.ends >= min(i, j)) & (graph.ends <= max(i, j))).any(axis=1))
-    gone = is_closure & (np.sort(graph.ends, axis=1) == sorted((i, j))).all(axis=1)
-    if not gone.any():
-        raise InvalidArgumentError(f"there is no closure between keyframes {i} and {j}: `curvescan view` shows all")
-    return _without(graph, gone)
+        _tie(graph, i, j, np.array(edit.pose), np.reshape(edit.covariance or (), (3, 3)))
+    elif edit.do == "forbid":
+        is_within = (graph.ends >= min(i, j)) & (graph.ends <= max(i, j))
+        graph.keep_edges(~(graph.is_closure & is_within.any(axis=1)))
+    else:
+        is_gone = graph.is_closure & (np.sort(graph.ends, axis=1) == sorted((i, j))).all(axis=1)
+        if not is_gone.any():
+            raise InvalidArgumentError(f"there is no closure between keyframes {i} and {j}: `curvescan view` shows all")
+        graph.keep_edges(~is_gone)
 
 
-def _with_edge(graph: Problem, i: int, j: int, pose: Pose, covariance: Cov) -> Problem:
-    """Return a graph with a closure more, put in by hand, which keeps its weight."""
-    return replace(
-        graph,
-        ends=np.vstack([graph.ends, [i, j]]),
-        measured=np.vstack([graph.measured, pose]),
-        covariances=np.concatenate([graph.covariances, covariance[np.newaxis]]),
-        kinds=np.append(graph.kinds, EdgeKind.CLOSURE),
-        weights=np.append(graph.weights, 1.0),
-        least=np.append(graph.least, 1.0),
-    )
+def _tie(graph: PoseGraph, i: int, j: int, pose: Pose, covariance: Cov) -> None:
+    """Add a closure put in by hand, which keeps its weight."""
+    graph.add_edge(i, j, pose, covariance, EdgeKind.CLOSURE, least=1.0)
 
 
-def _without(graph: Problem, gone: Bools) -> Problem:
-    """Return a graph without some edges, gone (m,)."""
-    names = ("ends", "measured", "covariances", "kinds", "weights", "least")
-    return replace(graph, **{name: getattr(graph, name)[~gone] for name in names})
-
-
-def solved(slam_map: SlamMap, graph: Problem, config: SlamConfig) -> SlamMap:
+def solved(slam_map: SlamMap, graph: PoseGraph) -> SlamMap:
     """Return a map with another graph, optimized to the end, every closure reconsidered.
 
     A false closure may have taken the weight of right ones. So the graph is optimized twice, once from the weights of
     the map and once from full weights, and the better optimum is kept.
     """
-    optima = [graph.optimized(weights=weights) for weights in (graph.weights, None)]
+    optima = [optimized(graph, weights=weights) for weights in (graph.weights, None)]
     optimum = min(optima, key=lambda found: float(np.minimum(found.distances, GATE).sum()))
-    new = replace(
-        slam_map,
-        poses=optimum.poses,
-        ends=graph.ends,
-        measured=graph.measured,
-        edge_covariances=graph.covariances,
-        kinds=graph.kinds,
-        weights=optimum.weights,
-        grid=None,
-    )
-    return replace(new, covariances=covariances_seen_from(Problem.of(new), config.noise))
+    graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
+    covariances = covariances_seen_from(graph, 0, NOISE)
+    return replace(slam_map, covariances=covariances, grid=None, **graph.arrays())
 
 
-def ask_match(slam_map: SlamMap, i: int, j: int, config: SlamConfig | None = None) -> tuple[MatchResult, Edit | None]:
+def ask_match(slam_map: SlamMap, i: int, j: int) -> tuple[MatchResult, Edit | None]:
     """Return the match of keyframe j with i without a guess, and the edit that adds it; None where it fails."""
     if not (0 <= i < len(slam_map) and 0 <= j < len(slam_map)) or i == j:
         raise InvalidArgumentError(f"a match takes two keyframes of 0 to {len(slam_map) - 1}, got {i} and {j}")
     result = match(slam_map.scans[i], slam_map.scans[j])
     if not result.ok:
         return result, None
-    covariance = (config or SlamConfig()).noise.edge(as_measurement(result).cov)
-    return result, Edit(
-        do="add", i=i, j=j, pose=tuple(result.pose.tolist()), covariance=tuple(covariance.ravel().tolist())
-    )
+    pose, covariance = result.pose.tolist(), NOISE.edge(as_measurement(result).cov).ravel().tolist()
+    return result, Edit(do="add", i=i, j=j, pose=tuple(pose), covariance=tuple(covariance))
 
 
 def added(slam_map: SlamMap, i: int, j: int) -> Edit:

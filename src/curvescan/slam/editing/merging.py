@@ -10,11 +10,10 @@ from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.mapping.grid_editing import moved
 from curvescan.mapping.occupancy import OccupancyGrid
+from curvescan.matchers import DEFAULT_METHOD, find_matcher
 from curvescan.odometry.measurement import as_measurement
-from curvescan.slam.config import SlamConfig
-from curvescan.slam.editing.edits import solved
+from curvescan.slam.editing.edits import NOISE, solved
 from curvescan.slam.editing.operations import part_of
-from curvescan.slam.jobs import Problem
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.grid_map import map_of_grid
 from curvescan.slam.map import SlamMap
@@ -32,13 +31,12 @@ _LEAST, _MARGIN = 5, 3
 """Keyframes whose matches must agree, and how many times as many as on another place, which lies twice as far off."""
 
 
-def merged(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> SlamMap:
+def merged(one: SlamMap, other: SlamMap) -> SlamMap:
     """Return two maps as one, in the frame of the first.
 
     Raises InvalidArgumentError where too few matches agree on how they lie to each other.
     """
-    config = config or SlamConfig()
-    pairs, measured, covariances = _matches(one, other, config)
+    pairs, measured, covariances = _matches(one, other)
     # where each match puts the other map
     there = se2.compose(one.poses[pairs[:, 0]], measured)
     places = se2.compose(there, se2.inverse(other.poses[pairs[:, 1]]))
@@ -46,7 +44,7 @@ def merged(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> Sl
     near = [int(_is_same(places[k], places[chosen]).sum()) for k in np.flatnonzero(chosen).tolist()]
     placed = replace(other, poses=se2.compose(places[chosen][int(np.argmax(near))], other.poses))
     while True:
-        both = _joined(one, placed, pairs[chosen], measured[chosen], covariances[chosen], config)
+        both = _joined(one, placed, pairs[chosen], measured[chosen], covariances[chosen])
         # where maps bend, farther matches agree once nearer ones have joined them
         i, j = pairs[:, 0], pairs[:, 1] + len(one)
         agrees = chosen | _is_same(measured, se2.between(both.poses[i], both.poses[j]))
@@ -55,7 +53,7 @@ def merged(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> Sl
         chosen = agrees
 
 
-def _joined(one: SlamMap, other: SlamMap, pairs: Ints, measured: Pose, covariances: Cov, config: SlamConfig) -> SlamMap:
+def _joined(one: SlamMap, other: SlamMap, pairs: Ints, measured: Pose, covariances: Cov) -> SlamMap:
     """Return two maps in one frame with closures between them, optimized."""
     both = replace(
         one,
@@ -69,12 +67,12 @@ def _joined(one: SlamMap, other: SlamMap, pairs: Ints, measured: Pose, covarianc
         kinds=np.concatenate([one.kinds, other.kinds, np.full(len(pairs), EdgeKind.CLOSURE)]),
         weights=np.concatenate([one.weights, other.weights, np.ones(len(pairs))]),
     )
-    return solved(both, Problem.of(both), config)
+    return solved(both, both.graph())
 
 
-def in_one_frame(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> tuple[SlamMap, SlamMap]:
+def in_one_frame(one: SlamMap, other: SlamMap) -> tuple[SlamMap, SlamMap]:
     """Return two maps in the frame of the first, bent to lie on each other as :func:`merged` has them."""
-    both = merged(one, other, config)
+    both = merged(one, other)
     rows = np.arange(len(both))
     return part_of(both, rows[: len(one)]), part_of(both, rows[len(one) :])
 
@@ -86,9 +84,9 @@ def laid_on(one: OccupancyGrid, other: OccupancyGrid) -> OccupancyGrid:
     return moved(other, se2.compose(first, se2.inverse(other_seen.poses[0])))
 
 
-def _matches(one: SlamMap, other: SlamMap, config: SlamConfig) -> tuple[Ints, Pose, Cov]:
+def _matches(one: SlamMap, other: SlamMap) -> tuple[Ints, Pose, Cov]:
     """Return (k, 2) keyframes of both maps that match without a guess, (k, 3) poses, (k, 3, 3) their covariances."""
-    known = Keyframes("curvescan", None, len(one))
+    known = Keyframes(find_matcher(DEFAULT_METHOD))
     for k, scan in enumerate(one.scans):
         known.add(scan, k)
     pairs, poses, covariances = [], [], []
@@ -99,7 +97,7 @@ def _matches(one: SlamMap, other: SlamMap, config: SlamConfig) -> tuple[Ints, Po
             if result.ok and result.degenerate_direction is None:
                 pairs.append((i, j))
                 poses.append(result.pose)
-                covariances.append(config.noise.edge(as_measurement(result).cov))
+                covariances.append(NOISE.edge(as_measurement(result).cov))
     n = len(pairs)
     return np.array(pairs, dtype=np.int64).reshape(n, 2), np.reshape(poses, (n, 3)), np.reshape(covariances, (n, 3, 3))
 

@@ -18,6 +18,9 @@ from curvescan.types import Bools, Ints, Points
 _TOLERANCE_CELLS = 3
 """What lies within so many cells of an obstacle of the other map has not changed: maps differ by their noise."""
 
+_LEAST_AREA = 0.02
+"""Square metres: what is smaller is no change."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
@@ -68,15 +71,13 @@ def rubbed_out(slam_map: SlamMap, box: Box) -> SlamMap:
 
 
 def part_of(slam_map: SlamMap, rows: Ints) -> SlamMap:
-    """Return some keyframes and the edges between them; a first one that goes takes the frame's exact pose along."""
-    row_of = np.full(len(slam_map), -1)
-    row_of[rows] = np.arange(len(rows))
-    ends = row_of[slam_map.ends]
-    kept = np.flatnonzero((ends >= 0).all(axis=1))
-    of_edges = {n: getattr(slam_map, n)[kept] for n in ("measured", "edge_covariances", "kinds", "weights")}
-    of_poses = {n: getattr(slam_map, n)[rows] for n in ("poses", "covariances", "indices", "sessions")}
+    """Return some keyframes, by rising rows, and the edges between them; the first may go with its exact pose."""
+    graph, is_kept = slam_map.graph(), np.isin(np.arange(len(slam_map)), rows)
+    graph.keep_edges(np.all(is_kept[graph.ends], axis=1))
+    graph.keep_poses(is_kept)
+    of_poses = {n: getattr(slam_map, n)[rows] for n in ("covariances", "indices", "sessions")}
     scans = tuple(slam_map.scans[k] for k in rows.tolist())
-    return replace(slam_map, scans=scans, ends=ends[kept], grid=None, **of_edges, **of_poses)
+    return replace(slam_map, scans=scans, grid=None, **of_poses, **graph.arrays())
 
 
 def _without_readings(slam_map: SlamMap, is_gone: Callable[[Points], Bools]) -> SlamMap:
@@ -95,7 +96,7 @@ def map_points(slam_map: SlamMap) -> Points:
     return np.concatenate([np.empty((0, 2)), *seen])
 
 
-def changes(before: OccupancyGrid, after: OccupancyGrid, *, least_area: float = 0.02) -> list[Change]:
+def changes(before: OccupancyGrid, after: OccupancyGrid) -> list[Change]:
     """Return what stands in one map where the other saw free space, largest first; both in one frame."""
     from scipy import ndimage
 
@@ -109,7 +110,7 @@ def changes(before: OccupancyGrid, after: OccupancyGrid, *, least_area: float = 
         labels[~changed] = 0
         areas = cell**2 * np.bincount(labels.ravel())
         for k, place in enumerate(ndimage.find_objects(labels), start=1):
-            if place is not None and areas[k] >= least_area:
+            if place is not None and areas[k] >= _LEAST_AREA:
                 rows, columns = place
                 x0, y0, x1, y1 = columns.start, rows.start, columns.stop, rows.stop
                 box = (np.array([x0, y0, x1, y1]) + np.tile(low, 2)) * cell

@@ -43,6 +43,9 @@ doors that no one keyframe shows."""
 _N_FUSED = 3
 """Keyframes whose matches are fused."""
 
+N_TRIED = 12
+"""Keyframes that look like a scan, and places, that are tried in detail while the sensor is searched for."""
+
 _FAR = 100.0
 """Ways of more than this variance are not followed, square metres."""
 
@@ -139,10 +142,10 @@ class MapMatcher:
                     break
         return hits, bool(overlap[order[0]] >= self._config.closures.min_overlap)
 
-    def similar(self, scan: LaserScan, n_tried: int) -> list[Hit]:
+    def similar(self, scan: LaserScan) -> list[Hit]:
         """Return matches without a guess with keyframes that look like a scan; none that leave a direction open."""
         current = self._keyframes.prepare(scan)
-        alike = self._keyframes.index.most_similar(self._keyframes.signature(current), n_tried)
+        alike = self._keyframes.index.most_similar(self._keyframes.signature(current), N_TRIED)
         hits = [self._hit(k, current, None) for k in alike.tolist()]
         return [hit for hit in hits if hit is not None]
 

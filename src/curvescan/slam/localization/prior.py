@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError, require
+from curvescan.matchers.result import known_pose
 from curvescan.se2.uncertain import UncertainPose, compose
 from curvescan.slam.config import GATE
 from curvescan.types import Bools, Cov, Floats, Points, Pose
@@ -42,15 +43,10 @@ class Prior:
     @staticmethod
     def of(pose: ArrayLike, covariance: ArrayLike | None = None) -> Prior:
         """Return an initial pose that somebody gave; raises InvalidArgumentError where it is none."""
-        here = np.array(pose, dtype=np.float64)
-        cov = np.array(INITIAL_COVARIANCE if covariance is None else covariance, dtype=np.float64)
-        require(here.shape == (3,) and bool(np.isfinite(here).all()), "pose must be three numbers x, y, theta", pose)
-        if cov.shape != (3, 3) or not np.isfinite(cov).all() or not np.allclose(cov, cov.T):
-            raise InvalidArgumentError(f"covariance must be a symmetric (3, 3) matrix of numbers, got {covariance!r}")
-        least = float(np.linalg.eigvalsh(cov)[0])
-        require(least > 0.0, "covariance must be positive definite: its least eigenvalue must be > 0", least)
-        here[2] = se2.wrap(here[2])
-        return Prior(here=UncertainPose(here, cov))
+        given: Any = pose, INITIAL_COVARIANCE if covariance is None else covariance
+        here = known_pose(UncertainPose(*given), "initial_pose")
+        x, y, theta = here.pose.tolist()
+        return Prior(here=UncertainPose(np.array([x, y, se2.wrap(theta)]), here.cov))
 
     def moved(self, motion: UncertainPose, *, is_doubtful: bool) -> Prior:
         """Return the prior after a motion of the sensor; is_doubtful: whether no sure match measured it."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from curvescan.slam.localization.correlative import (
     thinned,
 )
 from curvescan.slam.localization.field import DistanceField, points_of
-from curvescan.slam.localization.matching import SCORE, Hit
+from curvescan.slam.localization.matching import N_TRIED, SCORE, Hit
 from curvescan.slam.localization.prior import LOG_ODDS, Prior
 from curvescan.types import Floats, Ints, Points, Pose
 
@@ -53,15 +54,20 @@ _MARGIN = 0.1
 """They say so much less, at least, of any other place."""
 
 
+class Said(NamedTuple):
+    """How much views speak for a place."""
+
+    by_all: float  # with what a match says
+    by_walls: float
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Place:
     """A pose of the sensor that the scans so far speak for."""
 
     pose: Pose  # (3,): in the map
-    walls: float  # how much the last view speaks for it by its walls
-    view: float  # and with what a match says
-    wall_support: float  # the sums of both over the views
-    support: float
+    view: Said  # by the last view
+    support: Said  # the sum over the views
     prior: float = 0.0  # what was known before says of it, where the sensor is now
 
 
@@ -75,32 +81,33 @@ class Views:
     @property
     def winner(self) -> Place | None:
         """The place for which the last view, or all views together, speak clearly more than for any other."""
-        best = _chosen([(place, place.view, place.walls) for place in self.found], _ONE_VIEW)
-        if best is not None and best.wall_support >= best.walls - _MARGIN:  # nor do views before speak against it
+        best = _chosen(self.found, [place.view for place in self.found], _ONE_VIEW)
+        # nor do views before speak against it
+        if best is not None and best.support.by_walls >= best.view.by_walls - _MARGIN:
             return best
         needed = _SEVERAL_VIEWS + self.n_nowhere  # outside the map a corridor looks like one inside for long
-        best = _chosen([(place, place.support, place.wall_support) for place in self.found], needed)
+        best = _chosen(self.found, [place.support for place in self.found], needed)
         # a corridor repeats over many views: they do not outweigh where the sensor was and how it has moved since;
         # and where it leaves the map, views before it did speak for places that the last one is against
-        return best if best is not None and best.prior > -0.5 * _MARGIN and best.walls >= 0.0 else None
+        return best if best is not None and best.prior > -0.5 * _MARGIN and best.view.by_walls >= 0.0 else None
 
     def is_best(self, pose: Pose, view: float) -> bool:
         """Return whether a view, and the prior, speak clearly more for a pose than for any other place found."""
-        others = [place.walls + place.prior for place in self.found if not is_same(place.pose, pose)]
+        others = [place.view.by_walls + place.prior for place in self.found if not is_same(place.pose, pose)]
         return view >= max(others, default=-1.0) + _MARGIN
 
 
 class MapSearch:
     """Looks for a sensor in a map.
 
-    poses (n, 3): Of the keyframes; n_tried: Places that are followed.
+    poses (n, 3): Of the keyframes.
     """
 
-    def __init__(self, field: DistanceField, poses: Pose, keyframes: Keyframes, n_tried: int) -> None:
+    def __init__(self, field: DistanceField, poses: Pose, keyframes: Keyframes) -> None:
         from scipy.spatial import cKDTree  # loads for a good part of a second
 
         self.field = field
-        self._keyframes, self._n_tried = keyframes, n_tried
+        self._keyframes = keyframes
         self._places = field.places(STEP_M, clearance=0.5 * STEP_M)
         self._nearest: Ints = cKDTree(poses[:, :2]).query(self._places)[1].astype(np.int64)
 
@@ -120,10 +127,10 @@ class MapSearch:
         points = points_of(scan)
         few, contour = thinned(points), contour_length(points)
         # walls alone are ended on elsewhere as well: of more poses the free space between them chooses
-        poses = likely_poses(self.field, self._places_like(scan), few, _N_LIKELY * self._n_tried)
+        poses = likely_poses(self.field, self._places_like(scan), few, _N_LIKELY * N_TRIED)
         if prior is not None:
             near = np.ascontiguousarray(self._places[prior.is_near(self._places)])
-            poses = np.concatenate((poses, likely_poses(self.field, near, few, self._n_tried)))
+            poses = np.concatenate((poses, likely_poses(self.field, near, few, N_TRIED)))
         past = before[0] if before is not None else Views(found=())
         earlier = past.found
         if before is not None and earlier:
@@ -131,8 +138,8 @@ class MapSearch:
             poses = np.concatenate((refined_poses(self.field, carried, few), poses))
         poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
         # a place that was not among those of earlier views agreed with them no better than the least of them
-        missed = min((place.support for place in earlier), default=0.0)
-        missed_walls = min((place.wall_support for place in earlier), default=0.0)
+        supports = np.array([place.support for place in earlier]).reshape(-1, len(Said._fields))
+        missed = supports.min(axis=0) if len(supports) else np.zeros(len(Said._fields))
         new: list[Place] = []
         for k, (pose, likely) in enumerate(zip(poses, self.known(prior, poses).tolist(), strict=True)):
             if any(is_same(pose, place.pose) for place in new):
@@ -140,17 +147,15 @@ class MapSearch:
             # a match with a keyframe tells more than the walls of a map that is bent, or has changed
             score = max((hit.score for hit in matched if is_same(hit.here.pose, pose)), default=0.0)
             fit = self.field.agreement(points, pose).score
-            walls, view = said(contour, fit), said(contour, fit + SCORE * score)
+            view = said(contour, fit, score)
             # the sensor may have come into the map with the view before, where it was expected also with this one
             least = 0.0 if likely > 0.0 else -_MOST_AGAINST
-            so_far = earlier[k].support if k < len(earlier) else missed
-            walls_so_far = earlier[k].wall_support if k < len(earlier) else missed_walls
-            support = max(view, -_MOST_AGAINST) + max(so_far, least)
-            by_walls = max(walls, -_MOST_AGAINST) + max(walls_so_far, least)
-            new.append(Place(pose=pose, walls=walls, view=view, wall_support=by_walls, support=support, prior=likely))
-        new.sort(key=lambda place: (-(place.support + place.prior), -place.walls))
-        is_nowhere = max((place.walls for place in new), default=-1.0) < _MARGIN
-        return Views(found=new[: self._n_tried], n_nowhere=past.n_nowhere + is_nowhere)
+            so_far = supports[k] if k < len(earlier) else missed
+            support = np.maximum(view, -_MOST_AGAINST) + np.maximum(so_far, least)
+            new.append(Place(pose=pose, view=view, support=Said(*support.tolist()), prior=likely))
+        new.sort(key=lambda place: (-(place.support.by_all + place.prior), -place.view.by_walls))
+        is_nowhere = max((place.view.by_walls for place in new), default=-1.0) < _MARGIN
+        return Views(found=new[:N_TRIED], n_nowhere=past.n_nowhere + is_nowhere)
 
     def known(self, prior: Prior | None, poses: Pose) -> Floats:
         """Return (n,) how much a prior speaks for poses (n, 3), in units of agreement."""
@@ -169,18 +174,22 @@ class MapSearch:
         return np.ascontiguousarray(self._places[order])
 
 
-def said(contour: float, fit: float) -> float:
-    """Return how much a scan speaks for a pose by its contour, metres, and by how well the map agrees there."""
-    return min(contour / _CONTOUR_M, 1.0) * (fit - _NEUTRAL)
+def said(contour: float, fit: float, score: float = 0.0) -> Said:
+    """Return how much a scan speaks for a pose.
+
+    By its contour, metres, how well the map agrees there, and the score of a match.
+    """
+    share = min(contour / _CONTOUR_M, 1.0)
+    return Said(share * (fit + SCORE * score - _NEUTRAL), share * (fit - _NEUTRAL))
 
 
-def _chosen(places: Sequence[tuple[Place, float, float]], needed: float) -> Place | None:
+def _chosen(places: Sequence[Place], views: Sequence[Said], needed: float) -> Place | None:
     """Return the place of which most is said, where that, and how much less is said of any other, are enough."""
     if not places:
         return None
-    rows = np.array([(by_all, by_walls) for _, by_all, by_walls in places]) + [[p.prior] for p, _, _ in places]
+    rows = np.array(views) + [[place.prior] for place in places]
     best = int(np.argmax(rows[:, 0]))
     # matches do not decide between two places whose walls look alike
     most, ahead = rows[best, 0], rows[best] - np.max(np.delete(rows, best, axis=0), axis=0, initial=-1.0)
     is_clear = most >= 0.0 and ahead.min() >= _MARGIN and 2.0 * most + ahead[0] >= needed
-    return places[best][0] if is_clear else None
+    return places[best] if is_clear else None

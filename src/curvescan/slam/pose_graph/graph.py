@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
@@ -38,8 +39,12 @@ _EDGE = np.dtype(
         ("covariance", np.float64, (3, 3)),
         ("kind", np.int64),
         ("weight", np.float64),
+        ("least", np.float64),
     ]
 )
+
+_LEAST_STEP = 1e-4
+"""Weight that a step keeps however far it is off: a slip bends the graph, and does not break it."""
 
 
 class PoseGraph:
@@ -84,6 +89,11 @@ class PoseGraph:
         return self._edges.array["weight"]
 
     @property
+    def least_weights(self) -> Floats:
+        """(n_edges,): weight that each edge keeps: a closure none, a step a little."""
+        return self._edges.array["least"]
+
+    @property
     def is_followed(self) -> Bools:
         """(n_edges,): whether the optimizer follows each edge."""
         return np.asarray(self.weights > 0.5)
@@ -97,11 +107,18 @@ class PoseGraph:
         """Append a pose."""
         self._poses.append(pose)
 
-    def add_edge(self, i: int, j: int, pose: Pose, covariance: Cov, kind: EdgeKind, weight: float = 1.0) -> None:
-        """Append an edge: the measured pose (3,) of j in the frame of i and its covariance (3, 3)."""
+    def add_edge(
+        self, i: int, j: int, pose: Pose, covariance: Cov, kind: int, weight: float = 1.0, least: float | None = None
+    ) -> None:
+        """Append an edge: the measured pose (3,) of j in the frame of i and its covariance (3, 3).
+
+        kind: An EdgeKind; least: Weight that it keeps; None for what the kind keeps.
+        """
         if i == j or not (0 <= i < self.n_poses and 0 <= j < self.n_poses):
             raise InvalidArgumentError(f"an edge joins two poses of the graph's {self.n_poses}, got {i} and {j}")
-        self._edges.append(((i, j), pose, covariance, kind, weight))
+        if least is None:
+            least = 0.0 if kind == EdgeKind.CLOSURE else _LEAST_STEP
+        self._edges.append(((i, j), pose, covariance, kind, weight, least))
 
     def keep_poses(self, is_kept: Bools) -> None:
         """Remove poses that no edge ends on; the others keep their order and are counted anew."""
@@ -111,6 +128,11 @@ class PoseGraph:
     def keep_edges(self, is_kept: Bools) -> None:
         """Remove edges; the others keep their order."""
         self._edges.keep(is_kept)
+
+    def arrays(self) -> dict[str, Any]:
+        """Return copies of the arrays, by the names that they have in a map."""
+        names = "poses", "ends", "measured", "edge_covariances", "kinds", "weights"
+        return {name: getattr(self, name).copy() for name in names}
 
 
 def components(ends: Ints, n_poses: int) -> Ints:
@@ -123,10 +145,6 @@ def components(ends: Ints, n_poses: int) -> Ints:
     return np.asarray(labels, dtype=np.int64)
 
 
-def anchors_of(labels: Ints, preferred: Ints | None = None) -> Ints:
-    """Return one pose of each component, in the order of the components: a preferred one, or else the first."""
-    _, first = np.unique(labels, return_index=True)
-    anchors = first.astype(np.int64)
-    if preferred is not None:
-        anchors[labels[preferred][::-1]] = preferred[::-1]
-    return anchors
+def first_of_each(labels: Ints) -> Ints:
+    """Return the first pose of each component, in the order of the components."""
+    return np.unique(labels, return_index=True)[1].astype(np.int64)

@@ -33,6 +33,7 @@ class Edges(NamedTuple):
     @classmethod
     def of(cls, ends: Ints, measured: Pose, covariances: Cov) -> Edges:
         """Return edges from covariances, each positive definite."""
+        ends, measured = np.ascontiguousarray(ends), np.ascontiguousarray(measured)
         return cls(ends, measured, np.linalg.inv(covariances).astype(np.float64))
 
     def chosen(self, rows: Ints) -> Edges:

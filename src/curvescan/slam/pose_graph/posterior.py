@@ -13,6 +13,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from curvescan.odometry.gaps import LOST_COVARIANCE
+from curvescan.slam.config import GATE, KEPT, NoiseConfig
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, components, first_of_each, is_whole
+from curvescan.slam.pose_graph.optimization import Edges, marginal_covariances, squared_distances
 from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
 _PRIOR = 30.0
@@ -27,6 +31,33 @@ _NEIGHBOURS = 4
 
 _LEAST_VARIANCE = 1e-8
 """Of a match without its floor: 0.1 mm and 0.1 mrad, squared."""
+
+
+def covariances_seen_from(graph: PoseGraph, k: int, noise: NoiseConfig) -> Cov:
+    """Return (n, 3, 3) covariance of each pose with pose k known exactly; infinite in other components."""
+    poses, ends, measured, weights = graph.poses, graph.ends, graph.measured, graph.weights.copy()
+    # a step that slipped is as wide as it is off
+    is_step = ~graph.is_closure
+    off = squared_distances(poses, Edges.of(ends, measured, graph.edge_covariances))
+    weights[is_step] = np.minimum(1.0, GATE / np.maximum(off[is_step], GATE))
+    is_match = (graph.kinds != EdgeKind.MOTION) & (weights > 0.5)
+    covariances = graph.edge_covariances.copy()
+    covariances[is_match] = without_floor(covariances[is_match], noise.floor)
+    labels = components(ends[weights > 0.0], len(poses))
+    off = squared_distances(poses, Edges.of(ends, measured, covariances))
+    factor = variance_factor(off[is_match], len(poses) - int(labels.max()) - 1)
+    by = np.where(is_match, factor, 1.0) * design_effect(ends, is_match, len(poses), 1.0 - KEPT)
+    scaled = covariances * by[:, np.newaxis, np.newaxis]
+    scaled[:, 2, 2] += heading_drift(ends, measured, len(poses))
+    anchors = first_of_each(labels)
+    anchors[labels[k]] = k
+    used = np.flatnonzero(weights > 0.0)
+    edges = Edges.of(ends, measured, scaled).chosen(used)
+    found = marginal_covariances(poses, edges, weights[used], anchors)
+    found[labels != labels[k]] = LOST_COVARIANCE
+    # what each of both scans adds to all of its edges; of what a match leaves open it says nothing
+    common = (1.0 - KEPT) / (2.0 * KEPT) * covariances
+    return with_own_noise(found, poses, own_noise(poses, ends, common, is_match & is_whole(covariances)), k)
 
 
 def without_floor(covariances: Cov, floor: Cov) -> Cov:

@@ -1,7 +1,7 @@
 """Robust optimization: which edges are consistent with each other, by graduated non-convexity.
 
 Yang, Antonante, Tzoumas and Carlone, "Graduated non-convexity for robust spatial perception", RA-L 2020, with truncated
-least squares (GNC-TLS): an edge counts in full up to `limit` squared Mahalanobis distance and not at all beyond, and
+least squares (GNC-TLS): an edge counts in full up to GATE squared Mahalanobis distance and not at all beyond, and
 the cost becomes so by steps from a convex one. An edge that lost its weight may win it back at any step.
 """
 
@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from curvescan.slam.config import GATE
 from curvescan.slam.pose_graph.cholesky import Elimination
-from curvescan.slam.pose_graph.graph import anchors_of, components
+from curvescan.slam.pose_graph.graph import components, first_of_each
 from curvescan.slam.pose_graph.optimization import Edges, optimize, squared_distances
-from curvescan.types import Floats, Ints, Pose
+from curvescan.types import Floats, Pose
 
 _STEP = 2.0
 """Factor of the convexity from a step to the next; 1.4 in the paper."""
@@ -33,33 +34,26 @@ class RobustOptimum:
 
 
 def optimize_robustly(
-    poses: Pose,
-    edges: Edges,
-    least: Floats,
-    anchors: Ints,
-    *,
-    limit: float,
-    weights: Floats | None = None,
-    least_convexity: float = 0.0,
+    poses: Pose, edges: Edges, least: Floats, *, weights: Floats | None = None, least_convexity: float = 0.0
 ) -> RobustOptimum:
-    """Return the poses that most of the edges agree on, and which edges do.
+    """Return the poses that most of the edges agree on, and which edges do; the first of each component stays.
 
-    poses (n, 3); least (m,): weight that each edge keeps; anchors (k,); weights (m,): to begin with; None for 1.
+    poses (n, 3); least (m,): weight that each edge keeps; weights (m,): to begin with; None for 1.
     """
     m = len(edges.ends)
     weights = np.ones(m) if weights is None else np.maximum(weights, least)
     elimination = Elimination.of(edges.ends, len(poses))
-    poses = _optimum(poses, edges, weights, anchors, elimination)
+    poses = _optimum(poses, edges, weights, elimination)
     distances = squared_distances(poses, edges)
     worst = distances.max(initial=0.0)
-    convexity = max(limit / max(2.0 * worst - limit, 1e-12), least_convexity)
-    while worst > limit and convexity < _STEEPEST:
-        new = np.maximum(tls_weights(distances, limit, convexity), least)
+    convexity = max(GATE / max(2.0 * worst - GATE, 1e-12), least_convexity)
+    while worst > GATE and convexity < _STEEPEST:
+        new = np.maximum(tls_weights(distances, GATE, convexity), least)
         settled = bool(np.all((new == least) | (new == 1.0)) and np.array_equal(new, weights))
         weights = new
         if settled:
             break
-        poses = _optimum(poses, edges, weights, anchors, elimination)
+        poses = _optimum(poses, edges, weights, elimination)
         distances = squared_distances(poses, edges)
         convexity *= _STEP
     return RobustOptimum(poses=poses, weights=weights, distances=distances)
@@ -73,8 +67,8 @@ def tls_weights(distances: Floats, limit: float, convexity: float) -> Floats:
     return np.where(distances <= inner, 1.0, np.where(distances >= outer, 0.0, middle))
 
 
-def _optimum(poses: Pose, edges: Edges, weights: Floats, anchors: Ints, elimination: Elimination) -> Pose:
+def _optimum(poses: Pose, edges: Edges, weights: Floats, elimination: Elimination) -> Pose:
     used = np.flatnonzero(weights > 0.0)  # what does not count leaves the pattern
     # a session that hangs on closures alone may come loose
-    anchors = anchors_of(components(edges.ends[used], len(poses)), anchors)
+    anchors = first_of_each(components(edges.ends[used], len(poses)))
     return optimize(poses, edges.chosen(used), weights[used], anchors, elimination)
