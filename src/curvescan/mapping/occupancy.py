@@ -25,7 +25,7 @@ from curvescan.types import Bools, Floats, Points
 MAX_BYTES = 1 << 30  # most memory that a map's cells may take; while the grid grows, the old ones stand beside the new
 
 _CELL_BYTES = 5
-_FIRST_MARGIN = 64
+_FIRST_MARGIN = 256
 _MARKS = range(2, 256)  # of the scan that changed a cell last, in turn; 0: none has, 1: one of an earlier turn
 
 

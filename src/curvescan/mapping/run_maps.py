@@ -2,10 +2,9 @@
 
 from collections.abc import Iterable
 from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass
 from itertools import tee
-
-import numpy as np
 
 from curvescan import se2
 from curvescan.errors import MapTooLargeError
@@ -15,8 +14,6 @@ from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.mapping.occupied_cells import OccupiedCells
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Points, Pose
-
-NOWHERE: Points = np.empty((0, 2))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -39,7 +36,7 @@ def build_maps(
     *,
     cell: float | None = 0.05,
     occupancy: OccupancyConfig | None = None,
-    about: Points = NOWHERE,
+    about: Points | None = None,
 ) -> RunMaps:
     """Return the maps of a run; one that would be too large is left out.
 
@@ -49,11 +46,11 @@ def build_maps(
     """
     standing, moving = OccupiedCells(cell or 1.0), OccupiedCells(cell or 1.0)
     builder = OccupancyBuilder(occupancy) if occupancy else None
-    if builder:
+    if builder and about is not None:
         with suppress(MapTooLargeError):  # as is told where a scan is too far away
             builder.make_room(about)
     why_no_grid = ""
-    kept, watched = tee(scans)
+    kept, watched = tee(map(copy, scans))  # the points of a copy go with it
     for scan, pose, moved in zip(kept, poses, dynamic_along(watched, poses, is_joined), strict=False):
         if cell is not None:
             points = se2.transform(pose, scan.points)

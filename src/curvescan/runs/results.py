@@ -25,7 +25,7 @@ from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.mapping.occupied_cells import occupied_cells
-from curvescan.mapping.run_maps import NOWHERE, RunMaps, build_maps
+from curvescan.mapping.run_maps import RunMaps, build_maps
 from curvescan.odometry import Odometry, RunRecord, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.odometry.step import IN_MAP
@@ -94,7 +94,7 @@ def maps_of_run(run: Run, *, cell: float | None) -> RunMaps:
         return RunMaps(standing=engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
     seen = deskewed_along(run.scans, record.trajectory) if is_deskewed(engine) else run.scans
     keyframes = engine.map if isinstance(engine, Slam) else None
-    about = occupied_cells(keyframes.scans, keyframes.poses, 1.0) if keyframes else NOWHERE
+    about = occupied_cells(keyframes.scans, keyframes.poses, 1.0) if keyframes else None
     return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=run.occupancy, about=about)
 
 
