@@ -71,7 +71,7 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
         with (Path(folder) / f"{name}.pgm").open("wb") as file:
             file.write(b"P5\n%d %d\n255\n" % (n_columns, n_rows))
             for row in range(n_rows - 1, -1, -1):  # a row at a time: the map is large
-                file.write(map_pixels(replace(grid, log_odds=grid.log_odds[row : row + 1])))
+                file.write(map_pixels(replace(grid, log_odds=grid.log_odds[row : row + 1])).data)
         (Path(folder) / f"{name}.yaml").write_text(
             _YAML.format(image=f"{name}.pgm", resolution=grid.resolution, x=x, y=y), encoding="utf-8", newline="\n"
         )
