@@ -73,8 +73,13 @@ def test_a_damaged_byte_is_refused_or_harmless(stored: SlamMap, tmp_path: Path) 
 def test_the_sensor_is_found_in_a_stored_map_from_anywhere(stored: SlamMap, start: float) -> None:
     poses = lap(start=start)[:60]
     localizer = cs.Localizer(stored)
-    errors = _errors([localizer.add(s) for s in scans(poses, seed=9)], poses)
+    steps = [localizer.add(s) for s in scans(poses, seed=9)]
+    errors = _errors(steps, poses)
     known = np.isfinite(errors)
+    # between keyframes the odometry leads, and no keyframe of the map is named
+    keyframes = np.array([step.keyframe for step in steps])[known]
+    assert (keyframes == -1).any()
+    assert (keyframes >= 0).any()
     assert np.flatnonzero(known)[0] < 10
     assert known[10:].all()
     assert errors[known].max() < 0.05

@@ -47,18 +47,12 @@ class GrowingMap:
         self._open_way = 0.0  # since a match of keyframes measured all of the motion, metres
         self.belief: Belief  # what the graph knew after the last optimization, once there is a keyframe
         self._settled: Chain | None = None  # the keyframes of the belief, once they were asked for
-        self._motions: list[UncertainPose] = []  # each keyframe seen from the one before
 
     def load(self, slam_map: SlamMap) -> None:
         """Take a map to continue."""
         for k, scan in enumerate(slam_map.scans):
             self.keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
-            step = se2.between(slam_map.poses[max(k - 1, 0)], slam_map.poses[k])
-            self._motions.append(UncertainPose(step, _NOTHING_KNOWN))
         self.graph = slam_map.graph()
-        for k, (i, j) in enumerate(self.graph.ends.tolist()):
-            if j == i + 1 and not self.graph.is_closure[k]:
-                self._motions[j] = UncertainPose(self._motions[j].pose, slam_map.edge_covariances[k])
         self.fragments = components(self.graph.ends, self.graph.n_poses).tolist()
 
     def start(self, scan: LaserScan, index: int, pose: Pose, session: int) -> int:
@@ -68,7 +62,6 @@ class GrowingMap:
         self.fragments.append(max(self.fragments, default=-1) + 1)
         self.belief, self._settled = Belief.at_start(k, self.graph.poses), None
         self.current, self.since = k, identity()
-        self._motions.append(UncertainPose(np.zeros(3), _NOTHING_KNOWN))
         return k
 
     def append(self, scan: LaserScan, index: int, motion: UncertainPose) -> int:
@@ -97,26 +90,35 @@ class GrowingMap:
                 step = fused
         self.graph.add_pose(se2.compose(self.graph.poses[before], step.pose))
         self.graph.add_edge(before, k, step.pose, step.cov, kind)
-        self._motions.append(step)
         self.current, self.since = k, compose(self.since, step)
         return k
 
     def along(self, i: int, j: int) -> UncertainPose:
         """Return keyframe j seen from an earlier one along the keyframes between them."""
         way = identity()
-        for k in range(i + 1, j + 1):
-            way = compose(way, self._motions[k])
+        for motion in map(UncertainPose, *self._steps(i + 1, j + 1)):
+            way = compose(way, motion)
         return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[j]), way.cov)
 
     def chain(self) -> Chain:
         """Return the keyframes; those since the last optimization lie along the odometry, as if no loop had closed."""
         n = self.belief.n
         if self._settled is None:
-            self._settled = Chain.of(self.graph.poses[:n], np.array([motion.cov for motion in self._motions[:n]]))
+            self._settled = Chain.of(self.graph.poses[:n], self._steps(0, n)[1])
+        steps, covariances = self._steps(n - 1, self.graph.n_poses)
         poses = [self._settled.poses[-1]]
-        for motion in self._motions[n:]:
-            poses.append(se2.compose(poses[-1], motion.pose))
-        return self._settled.extended(np.array(poses), np.array([motion.cov for motion in self._motions[n - 1 :]]))
+        for step in steps[1:]:
+            poses.append(se2.compose(poses[-1], step))
+        return self._settled.extended(np.array(poses), covariances)
+
+    def _steps(self, first: int, stop: int) -> tuple[Pose, Cov]:
+        """Return some keyframes, each seen from the one before it, (n, 3) and (n, 3, 3): the steps of the graph."""
+        i, j = self.graph.ends.T
+        rows = np.flatnonzero(~self.graph.is_closure & (j == i + 1) & (j >= first) & (j < stop))
+        steps, covariances = np.zeros((stop - first, 3)), np.tile(_NOTHING_KNOWN, (stop - first, 1, 1))
+        at = j[rows] - first
+        steps[at], covariances[at] = self.graph.measured[rows], self.graph.edge_covariances[rows]
+        return steps, covariances
 
     def close(self, closure: Closure) -> None:
         """Make a closure an edge, and take the newest keyframe to where it says."""
@@ -166,13 +168,11 @@ class GrowingMap:
         numbers = self.keyframes.numbers.tolist()
         for v, (heir, seen) in gone.items():
             self.gone.append(Heir(numbers[v], numbers[heir], seen))
-            self._motions[v + 1] = compose(self._motions[v], self._motions[v + 1])
         if gone:
             self.graph.keep_poses(is_kept)
             self.keyframes.keep(is_kept)
             rows = np.flatnonzero(is_kept).tolist()
             self.fragments = [self.fragments[k] for k in rows]
-            self._motions = [self._motions[k] for k in rows]
             self.belief, self._settled = belief.kept(is_kept[: belief.n]), None
             self.current = int(np.count_nonzero(is_kept[: self.current]))
         return is_kept, [numbers[v] for v in gone]

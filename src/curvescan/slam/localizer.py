@@ -166,7 +166,7 @@ class Localizer:
         moved = between_steps(fix.step, step)
         expected = compose(fix.here, moved)
         if self._is_near(moved, 0.5) and not self._is_torn and self._n_missed == 0:
-            return self._at(step, StepOutcome.TRACKED, expected, fix.keyframe)
+            return self._at(step, StepOutcome.TRACKED, expected)
         points, field = points_of(scan), self._matching.field
         # after a motion in doubt no other place may agree as well
         alone = self._search.look(scan, prior=self._prior) if self._is_torn else None
@@ -190,7 +190,7 @@ class Localizer:
         if self._n_missed >= self.config.keyframes.n_lost:
             self._fix, self._views = None, None
             return self._look(scan, step)
-        return self._at(step, StepOutcome.PREDICTED, expected, fix.keyframe)
+        return self._at(step, StepOutcome.PREDICTED, expected)
 
     def _confirmed(self, scan: LaserScan, place: Place | None) -> list[Hit]:
         """Return matches that put a scan at a place; none where they leave a direction open."""

@@ -7,12 +7,12 @@ difference of both is how uncertain the way is.
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
+from curvescan import se2
 from curvescan.odometry.step import Step, StepOutcome
 from curvescan.se2.uncertain import UncertainPose, between
 from curvescan.slam.keyframes import is_turn
@@ -43,8 +43,6 @@ class OpenDrive(NamedTuple):
 
     usual: Floats = _NONE  # (2,), metres: motion from a scan to the next as a rule, frame of the sensor
     hidden: Floats = _NONE  # what the odometry may have left out since the keyframe, frame of that
-    before: Floats = _NONE  # the same before the keyframe, since a match measured all of the motion
-    since: Floats = _NONE  # the same since both
     n_measured: int = 0  # scans that measured all of the motion: before the first nothing is usual
     # since the keyframe
     turned: float = 0.0  # radians
@@ -53,8 +51,7 @@ class OpenDrive(NamedTuple):
 
     def begun(self) -> OpenDrive:
         """Return what is hidden at a new keyframe."""
-        before = _turned(self.before + self.since, -self.turned)
-        return OpenDrive(usual=self.usual, n_measured=self.n_measured, before=before)
+        return OpenDrive(usual=self.usual, n_measured=self.n_measured)
 
     def added(self, step: Step) -> OpenDrive:
         """Return what is hidden after a step of the odometry."""
@@ -64,12 +61,12 @@ class OpenDrive(NamedTuple):
         if direction is None:
             n_measured = self.n_measured + step.is_matched
             usual = self.usual + (motion - self.usual) / min(max(n_measured, 1), _MEMORY)
-            return after._replace(n_measured=n_measured, usual=usual, before=_NONE, since=_NONE)
+            return after._replace(n_measured=n_measured, usual=usual)
         after = after._replace(is_open=True)
         if step.is_driven:
             return after
-        hidden = _turned(direction @ (self.usual - motion), self.turned)
-        return after._replace(hidden=self.hidden + hidden, since=self.since + hidden)
+        hidden = se2.rotation(self.turned) @ direction @ (self.usual - motion)
+        return after._replace(hidden=self.hidden + hidden)
 
     def known(self, motion: UncertainPose) -> UncertainPose:
         """Return the motion since the keyframe as well as it is known: along what is open by what may be hidden.
@@ -82,10 +79,8 @@ class OpenDrive(NamedTuple):
         if not (self.is_open and self.n_measured):
             return motion
         across = float(np.linalg.eigvalsh(motion.cov[:2, :2])[0])
-        # slips in a row have half of their error in common: of a + b the variance is a^2 + (b^2 + a b)
-        share = 1.0 + max(float(self.before @ self.hidden), 0.0) / max(float(self.hidden @ self.hidden), 1e-12)
         cov = np.zeros((3, 3))
-        cov[:2, :2] = across * np.eye(2) + share * np.outer(self.hidden, self.hidden)
+        cov[:2, :2] = across * np.eye(2) + np.outer(self.hidden, self.hidden)
         cov[2, 2] = motion.cov[2, 2]
         return UncertainPose(motion.pose, cov)
 
@@ -103,12 +98,6 @@ def _open_direction(step: Step) -> Floats | None:
     if step.match is None or step.match.degenerate_direction is None or _leaves_turn_open(step):
         return None
     x, y, _ = step.match.degenerate_direction.tolist()  # frame of the keyframe that the match is with
-    seen = _turned(np.array([x, y]), float(step.motion[2] - step.match.pose[2]))
-    way = math.hypot(*seen.tolist())
+    seen = se2.rotation(float(step.motion[2] - step.match.pose[2])) @ (x, y)
+    way = np.linalg.norm(seen)
     return np.outer(seen / way, seen / way)
-
-
-def _turned(vector: Floats, angle: float) -> Floats:
-    c, s = math.cos(angle), math.sin(angle)
-    x, y = vector.tolist()
-    return np.array([c * x - s * y, s * x + c * y])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -55,19 +56,19 @@ def merged(one: SlamMap, other: SlamMap) -> SlamMap:
 
 def _joined(one: SlamMap, other: SlamMap, pairs: Ints, measured: Pose, covariances: Cov) -> SlamMap:
     """Return two maps in one frame with closures between them, optimized."""
+    names = "poses", "indices", "measured", "edge_covariances", "kinds", "weights"
+    alike: dict[str, Any] = {name: np.concatenate([getattr(one, name), getattr(other, name)]) for name in names}
     both = replace(
         one,
         scans=one.scans + other.scans,
-        poses=np.concatenate([one.poses, other.poses]),
-        indices=np.concatenate([one.indices, other.indices]),
         sessions=np.concatenate([one.sessions, other.sessions + one.n_sessions]),
-        ends=np.concatenate([one.ends, other.ends + len(one), pairs + np.array([0, len(one)])]),
-        measured=np.concatenate([one.measured, other.measured, measured]),
-        edge_covariances=np.concatenate([one.edge_covariances, other.edge_covariances, covariances]),
-        kinds=np.concatenate([one.kinds, other.kinds, np.full(len(pairs), EdgeKind.CLOSURE)]),
-        weights=np.concatenate([one.weights, other.weights, np.ones(len(pairs))]),
+        ends=np.concatenate([one.ends, other.ends + len(one)]),
+        **alike,
     )
-    return solved(both, both.graph())
+    graph = both.graph()
+    for (i, j), pose, covariance in zip(pairs.tolist(), measured, covariances, strict=True):
+        graph.add_edge(i, j + len(one), pose, covariance, EdgeKind.CLOSURE)
+    return solved(both, graph)
 
 
 def in_one_frame(one: SlamMap, other: SlamMap) -> tuple[SlamMap, SlamMap]:
