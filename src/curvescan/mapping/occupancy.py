@@ -25,7 +25,7 @@ from curvescan.types import Bools, Floats, Points
 MAX_BYTES = 1 << 30  # most memory that a map's cells may take; while the grid grows, the old ones stand beside the new
 
 _CELL_BYTES = 5
-_FIRST_MARGIN = 256
+_FIRST_MARGIN = 64
 _MARKS = range(2, 256)  # of the scan that changed a cell last, in turn; 0: none has, 1: one of an earlier turn
 
 
@@ -159,9 +159,10 @@ class OccupancyBuilder:
         mark_scan(self._log_odds, self._marks, mark, *places, is_hit, is_fully_observed[used], self._steps)
 
     def make_room(self, points: Points) -> None:
-        """Make room for (n, 2) points at once, metres: while a grid grows, the old cells stand beside the new."""
+        """Make room about (n, 2) points at once, metres: while a grid grows, the old cells stand beside the new."""
         if len(points):
-            self._cover(*(np.floor(end(axis=0) / self.config.resolution) for end in (points.min, points.max)))
+            cells, beside = np.floor(points / self.config.resolution), 3.0 * _FIRST_MARGIN
+            self._cover(cells.min(axis=0) - beside, cells.max(axis=0) + beside)
 
     def grid(self, *, is_last: bool = False) -> OccupancyGrid:
         """Return the map so far, cut to the cells that were seen; without a copy where no scan comes after."""
@@ -170,9 +171,8 @@ class OccupancyBuilder:
         if not rows.size:
             rows = columns = np.array([0, -1])
         seen = log_odds[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        corner = self._first + np.array([columns[0], rows[0]])
-        seen = seen if is_last else seen.copy()
-        return OccupancyGrid(log_odds=seen, origin=corner * self.config.resolution, config=self.config)
+        origin = self.config.resolution * (self._first + np.array([columns[0], rows[0]]))
+        return OccupancyGrid(log_odds=seen if is_last else seen.copy(), origin=origin, config=self.config)
 
     def _part(self, cells: NDArray[Any]) -> NDArray[Any]:
         """Return the part of the grid that scans have reached."""

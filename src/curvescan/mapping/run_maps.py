@@ -41,8 +41,7 @@ def build_maps(
     """Return the maps of a run; one that would be too large is left out.
 
     poses (n, 3): of the sensor at each scan, none NaN; is_joined (n,); cell: side of the cells of `standing` and
-    `moved`, metres, None for neither; occupancy: how to make the occupancy map, None for none; about: points that it
-    holds, for which memory is taken once.
+    `moved`, metres, None for neither; occupancy: how to make the occupancy map, None for none; about: where it lies.
     """
     standing, moving = OccupiedCells(cell or 1.0), OccupiedCells(cell or 1.0)
     builder = OccupancyBuilder(occupancy) if occupancy else None
