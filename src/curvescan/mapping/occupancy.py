@@ -161,7 +161,7 @@ class OccupancyBuilder:
     def make_room(self, points: Points) -> None:
         """Make room about (n, 2) points at once, metres: while a grid grows, the old cells stand beside the new."""
         if len(points):
-            cells, beside = np.floor(points / self.config.resolution), 3.0 * _FIRST_MARGIN
+            cells, beside = np.floor(points / self.config.resolution), 3 * _FIRST_MARGIN
             self._cover(cells.min(axis=0) - beside, cells.max(axis=0) + beside)
 
     def grid(self, *, is_last: bool = False) -> OccupancyGrid:
