@@ -77,7 +77,7 @@ def middle_of_sweep(scan: LaserScan) -> float:
 def sweep_shift(scan: LaserScan, velocity: ArrayLike) -> float:
     """Return how far a velocity (3,), or an error of one, moves the readings at the ends of a sweep, metres."""
     vx, vy, omega = (float(value) for value in np.asarray(velocity, dtype=np.float64))
-    far = float(np.median(scan.ranges[scan.valid])) if scan.valid.any() else 0.0
+    far = float(median(np.sort(scan.ranges[scan.valid]).tolist() or [0.0]))  # np.median takes three times as long
     return middle_of_sweep(scan) * (math.hypot(vx, vy) + abs(omega) * far)
 
 

@@ -62,6 +62,16 @@ def test_against_the_slow_twin(seed, clear_no_return):
     assert len(expected) > 300
 
 
+def test_room_that_is_made_before_changes_nothing_and_need_not_be_right():
+    poses = np.array([[0.0, 0.0, 0.0], [30.0, -20.0, 1.0]])
+    scans, is_joined, config = [beam(2.0), beam(3.0)], np.zeros(2, dtype=bool), OccupancyConfig()
+    plain = build_maps(scans, poses, is_joined, occupancy=config).grid
+    for about in ([[-5.0, -25.0], [35.0, 5.0]], [[1.0, 1.0]], [[0.0, 0.0], [1e9, 0.0]]):
+        grid = build_maps(scans, poses, is_joined, occupancy=config, about=np.array(about)).grid
+        np.testing.assert_array_equal(grid.log_odds, plain.log_odds)
+        np.testing.assert_array_equal(grid.origin, plain.origin)
+
+
 AXES = [(0.0, 1, 0), (math.pi / 2, 0, 1), (math.pi, -1, 0), (-math.pi / 2, 0, -1)]
 
 

@@ -8,6 +8,7 @@ places come back as free. Hence 0.196 here.
 
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,11 +65,13 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
         )
     if not grid.log_odds.size:
         raise InvalidArgumentError("a map must have at least one cell: no scan had a reading")
-    pixels = map_pixels(grid)
-    n_rows, n_columns = pixels.shape
+    n_rows, n_columns = grid.log_odds.shape
     x, y = grid.origin.tolist()
     try:
-        (Path(folder) / f"{name}.pgm").write_bytes(b"P5\n%d %d\n255\n" % (n_columns, n_rows) + pixels.tobytes())
+        with (Path(folder) / f"{name}.pgm").open("wb") as file:
+            file.write(b"P5\n%d %d\n255\n" % (n_columns, n_rows))
+            for row in range(n_rows - 1, -1, -1):  # a row at a time: the map is large
+                file.write(map_pixels(replace(grid, log_odds=grid.log_odds[row : row + 1])).data)
         (Path(folder) / f"{name}.yaml").write_text(
             _YAML.format(image=f"{name}.pgm", resolution=grid.resolution, x=x, y=y), encoding="utf-8", newline="\n"
         )

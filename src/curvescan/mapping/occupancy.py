@@ -158,15 +158,21 @@ class OccupancyBuilder:
         places = start - self._corner, ends - self._corner
         mark_scan(self._log_odds, self._marks, mark, *places, is_hit, is_fully_observed[used], self._steps)
 
-    def grid(self) -> OccupancyGrid:
-        """Return the map so far, cut to the cells that were seen; without any it has no cells."""
+    def make_room(self, points: Points) -> None:
+        """Make room about (n, 2) points at once, metres: while a grid grows, the old cells stand beside the new."""
+        if len(points):
+            cells, beside = np.floor(points / self.config.resolution), 3 * _FIRST_MARGIN
+            self._cover(cells.min(axis=0) - beside, cells.max(axis=0) + beside)
+
+    def grid(self, *, is_last: bool = False) -> OccupancyGrid:
+        """Return the map so far, cut to the cells that were seen; without a copy where no scan comes after."""
         marks, log_odds = self._part(self._marks), self._part(self._log_odds)
         rows, columns = np.flatnonzero(marks.any(axis=1)), np.flatnonzero(marks.any(axis=0))
         if not rows.size:
             rows = columns = np.array([0, -1])
-        seen = log_odds[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].copy()
-        corner = self._first + np.array([columns[0], rows[0]])
-        return OccupancyGrid(log_odds=seen, origin=corner * self.config.resolution, config=self.config)
+        seen = log_odds[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        origin = self.config.resolution * (self._first + np.array([columns[0], rows[0]]))
+        return OccupancyGrid(log_odds=seen if is_last else seen.copy(), origin=origin, config=self.config)
 
     def _part(self, cells: NDArray[Any]) -> NDArray[Any]:
         """Return the part of the grid that scans have reached."""
@@ -188,7 +194,7 @@ class OccupancyBuilder:
     def _grow(self, low: Floats, high: Floats, corner: Floats, end: Floats) -> None:
         check_map_size(high - low, self.config.resolution)
         # room to grow by an eighth wherever it had to grow, so that few scans pay for it
-        margin = np.maximum(_FIRST_MARGIN, (high - low) // 8)
+        margin = np.maximum(_FIRST_MARGIN, (high - low) // 8 if self._log_odds.size else 0.0)
         roomy_low, roomy_high = np.where(low < corner, low - margin, corner), np.where(high > end, high + margin, end)
         if _n_bytes(roomy_high - roomy_low) <= MAX_BYTES:
             low, high = roomy_low, roomy_high

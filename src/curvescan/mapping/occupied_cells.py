@@ -1,6 +1,7 @@
 """The cells of a square grid in which readings ended: the map as points, light enough to be drawn."""
 
 from collections.abc import Iterable
+from copy import copy
 
 import numpy as np
 
@@ -17,7 +18,7 @@ _HALF = 2**31
 def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) -> Points:
     """Return (k, 2) centres of all cells in which a reading ended; a scan without a pose (n, 3) is left out."""
     cells = OccupiedCells(cell)
-    for scan, pose in zip(scans, poses, strict=False):
+    for scan, pose in zip(map(copy, scans), poses, strict=False):  # the points of a copy go with it
         if not np.isnan(pose).any():
             cells.add(se2.transform(pose, scan.points[scan.valid]))
     return cells.centres()

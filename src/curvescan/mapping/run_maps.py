@@ -1,6 +1,8 @@
 """The maps of a run from one pass over its scans: static cells, dynamic cells, free space."""
 
 from collections.abc import Iterable
+from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass
 from itertools import tee
 
@@ -34,16 +36,20 @@ def build_maps(
     *,
     cell: float | None = 0.05,
     occupancy: OccupancyConfig | None = None,
+    about: Points | None = None,
 ) -> RunMaps:
     """Return the maps of a run; one that would be too large is left out.
 
     poses (n, 3): of the sensor at each scan, none NaN; is_joined (n,); cell: side of the cells of `standing` and
-    `moved`, metres, None for neither; occupancy: how to make the occupancy map, None for none.
+    `moved`, metres, None for neither; occupancy: how to make the occupancy map, None for none; about: where it lies.
     """
     standing, moving = OccupiedCells(cell or 1.0), OccupiedCells(cell or 1.0)
     builder = OccupancyBuilder(occupancy) if occupancy else None
+    if builder and about is not None:
+        with suppress(MapTooLargeError):  # as is told where a scan is too far away
+            builder.make_room(about)
     why_no_grid = ""
-    kept, watched = tee(scans)
+    kept, watched = tee(map(copy, scans))  # the points of a copy go with it
     for scan, pose, moved in zip(kept, poses, dynamic_along(watched, poses, is_joined), strict=False):
         if cell is not None:
             points = se2.transform(pose, scan.points)
@@ -54,7 +60,7 @@ def build_maps(
                 builder.add(scan, pose, ignored=moved)
             except MapTooLargeError as error:
                 builder, why_no_grid = None, str(error)
-    grid = builder.grid() if builder else None
+    grid = builder.grid(is_last=True) if builder else None
     if grid is not None and not grid.log_odds.size:
         grid, why_no_grid = None, "no scan has a reading to map"
     return RunMaps(standing=standing.centres(), moved=moving.centres(), grid=grid, why_no_grid=why_no_grid)

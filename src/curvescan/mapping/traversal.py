@@ -28,20 +28,10 @@ def mark_scan(
     A cell in which a reading ended is a hit, whatever other beams of the scan pass it: a wall seen at a grazing angle
     is not worn away by the beams that go on along it.
 
-    Parameters
-    ----------
-    log_odds : (n_rows, n_columns) float32
-        Log odds of occupancy; row j holds the cells of y in [j, j + 1).
-    marks, mark : (n_rows, n_columns) uint8, int
-        Mark of the scan that changed a cell last, and of this scan.
-    start : (2,) float64
-        Place of the sensor, in cells from the corner of the grid.
-    ends : (n, 2) float64
-        Where the beams end, in the same unit; all inside the grid.
-    is_hit, is_fully_observed : (n,) bool
-        Whether the last cell of a beam is a hit, and whether the beam passed it; a cell that is neither stays as it is.
-    steps : (4,) float64
-        Log-odds to add for a hit and for a miss, lowest and highest log-odds.
+    log_odds, marks (n_rows, n_columns): row j holds the cells of y in [j, j + 1), and the mark of the scan that changed
+    a cell last; start (2,), ends (n, 2): of the beams, in cells from the corner of the grid, all inside; is_hit,
+    is_fully_observed (n,): whether the last cell of a beam is a hit, and whether the beam passed it, else that stays as
+    it is; steps (4,): log-odds to add for a hit and for a miss, the lowest and the highest.
     """
     hit, miss, lowest, highest = steps
     for k in range(ends.shape[0]):

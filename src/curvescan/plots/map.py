@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -222,12 +223,11 @@ def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
 
 def _merged_ranks(grid: OccupancyGrid, n_pixels: int) -> tuple[NDArray[np.uint8], float]:
     """Return blocks of cells, 0 unknown, 1 free, 2 occupied as its darkest cell, and a block's side in metres."""
-    ranks = grid.is_free.astype(np.uint8)
-    ranks[grid.is_occupied] = 2
-    n = -(-max(ranks.shape) // max(n_pixels, 1))
-    if n > 1:
-        n_rows, n_columns = (-(-size // n) for size in ranks.shape)
-        missing = [(0, n * n_rows - ranks.shape[0]), (0, n * n_columns - ranks.shape[1])]
-        blocks = np.pad(ranks, missing).reshape(n_rows, n, n_columns, n)
-        ranks = blocks.max(axis=(1, 3))
+    n_rows, n_columns = grid.log_odds.shape
+    n = -(-max(n_rows, n_columns) // max(n_pixels, 1))
+    columns = np.arange(0, n_columns, n)
+    ranks = np.empty((-(-n_rows // n), columns.size), dtype=np.uint8)
+    for k in range(len(ranks)):  # a strip at a time: the map is large
+        strip = replace(grid, log_odds=grid.log_odds[k * n : (k + 1) * n])
+        ranks[k] = np.maximum.reduceat(np.maximum(strip.is_free, 2 * strip.is_occupied).max(axis=0), columns)
     return ranks, n * grid.resolution

@@ -24,6 +24,7 @@ from curvescan.io.trajectories.relations import write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
+from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps, build_maps
 from curvescan.odometry import Odometry, RunRecord, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
@@ -92,12 +93,13 @@ def maps_of_run(run: Run, *, cell: float | None) -> RunMaps:
     if isinstance(engine, Localizer):
         return RunMaps(standing=engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
     seen = deskewed_along(run.scans, record.trajectory) if is_deskewed(engine) else run.scans
-    return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=run.occupancy)
+    keyframes = engine.map if isinstance(engine, Slam) else None
+    about = occupied_cells(keyframes.scans, keyframes.poses, 1.0) if keyframes else None
+    return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=run.occupancy, about=about)
 
 
 def with_grid(slam_map: SlamMap, maps: RunMaps, occupancy: OccupancyConfig) -> SlamMap:
-    """Return a map with the occupancy that all scans of the run show."""
-    # of the sessions before there are only the keyframes
+    """Return a map with the occupancy that all scans of the run show; of sessions before there are only keyframes."""
     grid = slam_map.occupancy(occupancy) if slam_map.n_sessions > 1 else maps.grid
     return dataclasses.replace(slam_map, grid=grid)
 
@@ -169,15 +171,13 @@ def percentiles(seconds: np.ndarray) -> dict[str, float]:
 def write_record(folder: Path, record: Mapping[str, object], name: str = RUN_RECORD) -> None:
     """Write the record of a run, its last file; "files" names all, so that a later run knows what to replace."""
     files = sorted({file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()} | {name})
-    text = json.dumps({**record, "files": files}, indent=2)
-    (folder / name).write_text(text + "\n", encoding="utf-8", newline="\n")
+    (folder / name).write_text(json.dumps({**record, "files": files}, indent=2) + "\n", encoding="utf-8", newline="\n")
 
 
 def list_further_files(folder: Path, results: Path) -> None:
     """Write into `folder` the record of the results that it adds files to, with the names of those."""
     record = json.loads((results / RUN_RECORD).read_text("utf-8"))
-    further = [file.name for file in folder.iterdir()]
-    record["files"] = sorted({*record["files"], *further})
+    record["files"] = sorted({*record["files"], *(file.name for file in folder.iterdir())})
     (folder / RUN_RECORD).write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8", newline="\n")
 
 

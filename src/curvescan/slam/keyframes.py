@@ -86,7 +86,7 @@ class Keyframes:
     def signature(self, scan: PreparedScan) -> Signature:
         """Return the signature of a scan for the place index, from the default matcher's keypoints."""
         is_default = isinstance(scan.matcher, type(find_matcher(DEFAULT_METHOD)))
-        return signature((scan if is_default else prepare(scan.scan)).features.keypoints)
+        return signature((scan if is_default else prepare(scan.scan)).features.landmarks.keypoints)
 
     def prepared(self, k: int) -> PreparedScan:
         """Return a keyframe ready to be matched."""

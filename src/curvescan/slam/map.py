@@ -92,7 +92,7 @@ class SlamMap:
         builder = OccupancyBuilder(config)
         for scan, pose in zip(self.scans, self.poses, strict=True):
             builder.add(scan, pose)
-        return builder.grid()
+        return builder.grid(is_last=True)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the map to a file, conventionally NAME.csmap, in one step; see docs/slam.md for the format.

@@ -8,9 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 import curvescan as cs
-from curvescan.matchers.curvescan.assessment import confidence
+from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
+from curvescan.matchers.curvescan.assessment.evidence import N_EVIDENCE, add_evidence, gather_evidence
+from curvescan.matchers.curvescan.association import FORWARD
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.features import extract_features
+from curvescan.matchers.curvescan.features.objects import Objects
+from curvescan.matchers.curvescan.prior import log_odds
 from tests.scenes import room_ranges, room_scan
 
 MOTION = np.array([0.12, -0.07, 0.09])
@@ -49,8 +53,22 @@ def pair(seed=0, motion=MOTION, **kwargs):
 
 def weigh(ref, cur, prior, poses, scores):
     """What speaks for poses as they are, the best first."""
-    found = confidence.weigh(ref, cur, poses, prior, CurvescanConfig().scoring.margin)
-    return confidence.WeighedPoses(poses, np.array(scores), *found).best_first()
+    evidence, _ = gather_evidence(ref, cur, poses, CurvescanConfig().scoring.margin)
+    return WeighedPoses(poses, np.array(scores), evidence, *log_odds(poses, prior)).best_first()
 
 
-__all__ = ["MOTION", "features", "pair", "pillar_scan", "room_scan", "turned", "weigh"]
+def compare_readings(surfels, other, pose, margin):
+    """What the readings of a scan are to another one, and their partners there; pose: of the scan in the other."""
+    n = len(surfels)
+    one = other._replace(
+        beam_idx=np.arange(n),
+        bounds=np.array([0, n]),
+        objects=Objects(np.full(n, -1), np.zeros(0, dtype=bool), np.zeros(n, dtype=bool)),
+        image=other.image._replace(samples=surfels, surfels=surfels),
+    )
+    codes, partner = np.empty(n, dtype=np.uint8), np.empty(n, dtype=np.int64)
+    add_evidence(one, other, pose, FORWARD, margin, np.zeros(N_EVIDENCE), codes, partner)
+    return codes, partner
+
+
+__all__ = ["MOTION", "compare_readings", "features", "pair", "pillar_scan", "room_scan", "turned", "weigh"]

@@ -72,13 +72,17 @@ def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
 
 def test_a_fine_slide_stays_on_the_corridor():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    along = with_places_along(ref, cur, np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]), CONFIG)
-    found = look_closer(Problem(ref, cur, WIDE, CONFIG), along)
+    problem = Problem(ref, cur, WIDE, CONFIG)
+    along = with_places_along(problem, np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]))
+    found, assessment = look_closer(problem, along)
     poses = found.poses
     assert len(poses) == len(found.scores) > 1
     assert np.ptp(poses[:, 0]) > 0.15
     assert np.abs(poses[:, 1]).max() < 0.02
     assert np.abs(poses[:, 2]).max() < 0.02
+    known = assess_pose(ref, cur, poses[0], CONFIG)
+    np.testing.assert_array_equal(assessment.codes_ref, known.codes_ref)
+    np.testing.assert_allclose(assessment.information, known.information)
 
 
 def test_along_a_corridor_a_pose_slides_to_where_the_guess_has_it():
@@ -101,7 +105,7 @@ def test_a_guess_is_followed_while_the_scans_have_most_in_common(guessed, is_fol
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.0, seed=2))
     assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
     guess = np.array([guessed, 0.0, 0.0])
-    pose, found = move_to_guess(ref, cur, guess, np.zeros(3), assessment, CONFIG)
+    pose, found = move_to_guess(Problem(ref, cur, Prior.of(prior_of(None, guess)), CONFIG), np.zeros(3), assessment)
     assert pose[0] == pytest.approx(guessed if is_followed else 0.0, abs=0.1)
     assert (found is assessment) is not is_followed
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.prior import WIDE, Prior, tells
+from curvescan.matchers.curvescan.prior import WIDE, Prior, log_odds, tells
 from curvescan.matchers.result import GUESS_SIGMA, WIDE_PRIOR, WIDE_SIGMA, prior_of
 from tests.matchers.curvescan.scenes import MOTION, pillar_scan
 
@@ -54,21 +54,21 @@ def test_a_guess_is_the_prior_of_its_documented_width():
 
 def test_log_odds_are_those_of_the_densities():
     """By hand: 0 at the best of the wide prior; one prior in twenty is wrong, and gains by how narrow it is."""
-    assert WIDE.log_odds(np.zeros((1, 3)))[0][0] == 0.0
+    assert log_odds(np.zeros((1, 3)), WIDE)[0][0] == 0.0
     off = np.array([[1.0, -2.0, 0.5]])
     chi2 = float(np.sum((off / WIDE_SIGMA) ** 2))
-    assert WIDE.log_odds(off)[0][0] == pytest.approx(-0.5 * chi2)
+    assert log_odds(off, WIDE)[0][0] == pytest.approx(-0.5 * chi2)
     turned = off + np.array([0.0, 0.0, 2.0 * math.pi])
-    assert WIDE.log_odds(turned)[0][0] == pytest.approx(WIDE.log_odds(off)[0][0])
+    assert log_odds(turned, WIDE)[0][0] == pytest.approx(log_odds(off, WIDE)[0][0])
     guess = Prior.of(prior_of(None, [1.0, 2.0, 0.1]))
     variances = np.square(GUESS_SIGMA) + np.square([0.05, 0.05, 0.025])
     narrower = math.prod(WIDE_SIGMA) / math.sqrt(math.prod(variances))
     gain = 1.0 / (0.05 + 1.0 / (narrower - 1.0))
-    assert guess.log_odds(np.array([[1.0, 2.0, 0.1]]))[0][0] == pytest.approx(math.log(gain + 1.0))
+    assert log_odds(np.array([[1.0, 2.0, 0.1]]), guess)[0][0] == pytest.approx(math.log(gain + 1.0))
     beside = math.log(gain * math.exp(-0.5 * 0.09 / variances[0]) + math.exp(-0.5 * 0.09 / 4.0))
-    assert guess.log_odds(np.array([[1.3, 2.0, 0.1]]))[0][0] == pytest.approx(beside)
+    assert log_odds(np.array([[1.3, 2.0, 0.1]]), guess)[0][0] == pytest.approx(beside)
     # it is wrong, and then the wide one holds, three standard deviations at most
-    assert guess.log_odds(np.array([[9.0, 9.0, 3.0]]))[0][0] == pytest.approx(-4.5)
+    assert log_odds(np.array([[9.0, 9.0, 3.0]]), guess)[0][0] == pytest.approx(-4.5)
 
 
 def test_a_prior_says_where_a_pose_is_if_it_is_narrow_and_about_there():

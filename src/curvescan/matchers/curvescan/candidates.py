@@ -11,20 +11,21 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess_pose
-from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, weigh
+from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess, assess_pose, limits_of
+from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, is_hopeless
+from curvescan.matchers.curvescan.assessment.evidence import gather_evidence
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import SAME, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import N_WIDE, CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, X, Y
-from curvescan.matchers.curvescan.prior import Prior
+from curvescan.matchers.curvescan.prior import Prior, log_odds
 from curvescan.matchers.curvescan.proposal.rotation_hypotheses import dominant_axis
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, FINE, select
 from curvescan.matchers.curvescan.proposal.search import CONTESTED, Candidates, Problem
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine
-from curvescan.types import Floats, Pose
+from curvescan.types import Bools, Codes, Floats, Pose
 
 _N_TOP = 5  # poses that are judged beside one another, at most
 _FINE_STEP = 0.5 * SAME  # metres at the typical reading: steps in which the best place along a direction is looked for
@@ -38,20 +39,14 @@ def refine_candidates(problem: Problem, found: Candidates) -> tuple[WeighedPoses
     Where that is known badly along a direction, or looks the same elsewhere, with what is found there; None where no
     pose finds enough support.
     """
-    ref, cur, _, config = problem
-    weighed = look_closer(problem, found.poses[found.scores > CONTESTED * found.scores[:1]])
-    if not len(weighed.poses) or weighed.is_hopeless:
-        return weighed, None
-    first = weighed
-    assessment = assess_pose(ref, cur, first.poses[0], config)
-    along = direction_to_search(ref, assessment, weighed, config)
+    ref, config = problem.reference, problem.config
+    weighed, assessment = look_closer(problem, found.poses[found.scores > CONTESTED * found.scores[:1]])
+    along = None if assessment is None else direction_to_search(ref, assessment, weighed, config)
     if along is not None:
-        weighed = look_closer(problem, with_places_along(ref, cur, weighed.poses, along, config))
-    images = images_of(ref, assessment, weighed)
+        weighed, assessment = look_closer(problem, with_places_along(problem, weighed.poses, along))
+    images = [] if assessment is None else images_of(ref, assessment, weighed)
     if images:
-        weighed = look_closer(problem, np.array([*weighed.poses, *images]))
-    if weighed is not first and not np.array_equal(first.poses[0], weighed.poses[0]):
-        assessment = assess_pose(ref, cur, weighed.poses[0], config)
+        weighed, assessment = look_closer(problem, np.array([*weighed.poses, *images]))
     return weighed, assessment
 
 
@@ -96,10 +91,9 @@ def direction_of_walls(ref: CurvescanFeatures, assessment: Assessment) -> Pose:
     return np.array([-math.sin(facing), math.cos(facing), 0.0])
 
 
-def with_places_along(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, weakest: Pose, config: CurvescanConfig
-) -> Floats:
+def with_places_along(problem: Problem, poses: Floats, weakest: Pose) -> Floats:
     """Return the poses, and the best of those along the weakest direction of the first."""
+    ref, cur, _, config = problem
     n = round(config.hypotheses.along_reach / _FINE_STEP)
     offsets = np.arange(-n, n + 1) * _FINE_STEP
     moved_along = poses[0] + offsets[:, np.newaxis] * weakest
@@ -108,11 +102,16 @@ def with_places_along(
     return np.concatenate((poses, best))
 
 
-def look_closer(problem: Problem, poses: Floats) -> WeighedPoses:
-    """Return poses refined on all readings, and what speaks for each, the best first."""
+def look_closer(problem: Problem, poses: Floats) -> tuple[WeighedPoses, Assessment | None]:
+    """Return poses refined on all readings, the best first, and what the scans say of it; None where that is little."""
     ref, cur, prior, config = problem
-    closer, margin = config.refinement.closer_schedule, config.scoring.margin
-    return WeighedPoses(*refine_and_weigh(poses, ref, cur, prior, (closer, EXACTLY), margin, _FINISH)).best_first()
+    schedules = config.refinement.closer_schedule, EXACTLY
+    *found, known = refine_and_weigh(poses, ref, cur, prior, schedules, limits_of(config), _FINISH)
+    best = WeighedPoses(*found).best_first()
+    if not len(known[0]):
+        return best, None
+    is_known = np.array_equal(best.poses[0], found[0][0])
+    return best, Assessment(*known) if is_known else assess_pose(ref, cur, best.poses[0], config)
 
 
 @kernel
@@ -122,13 +121,14 @@ def refine_and_weigh(
     cur: CurvescanFeatures,
     prior: Prior,
     schedules: tuple[Floats, Floats],
-    margin: float,
+    rules: tuple[float, float, float, float],
     limits: tuple[float, float, int, int, float, int],
-) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Return the fields of WeighedPoses, of poses refined on all readings.
+) -> tuple[Floats, Floats, Floats, Floats, Floats, tuple[Codes, Codes, int, int, Floats, Floats, Floats, Bools]]:
+    """Return the fields of WeighedPoses, of poses refined on all readings, and of the Assessment of the first.
 
-    schedules: on the samples and on all readings; limits: the arguments of `select`, and the samples on which several
-    poses are compared. One has only to be enough.
+    That has no codes where no pose finds enough support. schedules: on the samples and on all readings; rules: of
+    `limits_of`; limits: the arguments of `select`, and the samples on which several poses are compared. One has only to
+    be enough.
     """
     one, other = ref.image, cur.image
     all_one = RangeImage(one.surfels, one.surfels, one.azimuth, one.table)
@@ -139,5 +139,11 @@ def refine_and_weigh(
         one = RangeImage(choose_samples(one.surfels, n_wide), one.surfels, one.azimuth, one.table)
         other = RangeImage(choose_samples(other.surfels, n_wide), other.surfels, other.azimuth, other.table)
     final, scores = select(final, one, other, tolerance, slope, n_kept, n_first, min_difference)
-    evidence, priors, wide_priors = weigh(ref, cur, final, prior, margin)
-    return final, scores, evidence, priors, wide_priors
+    evidence, compared = gather_evidence(ref, cur, final, rules[0])
+    priors, wide_priors = log_odds(final, prior)
+    if is_hopeless(evidence, priors, wide_priors):
+        nothing, no_codes = np.empty((0, 0)), compared[0][:0]
+        known = no_codes, no_codes, 0, 0, priors, nothing, priors, np.empty(0, dtype=np.bool_)
+    else:
+        known = assess(ref, cur, final[0], compared, rules)
+    return final, scores, evidence, priors, wide_priors, known

@@ -120,8 +120,6 @@ class ScoringConfig:
     readings of a surface that did not move on the mean."""
     doubtful_score: float = 0.35
     """Below this score other ways to a pose are tried, too."""
-    guess_score: float = 0.5
-    """From this score on a guess that fixes both axes is taken without a look at others."""
     min_confidence: float = 0.55
     """Least confidence of a match."""
     min_inliers: int = 15
@@ -131,7 +129,7 @@ class ScoringConfig:
         require(self.n_samples >= 6, "n_samples must be at least 6", self.n_samples)
         require(self.min_inliers >= 1, "min_inliers must be at least 1", self.min_inliers)
         require(self.margin >= 0.0, "margin must be >= 0 m", self.margin)
-        for name in ("doubtful_score", "guess_score", "min_confidence"):
+        for name in ("doubtful_score", "min_confidence"):
             require(-1.0 <= getattr(self, name) <= 1.0, f"{name} must lie in [-1, 1]", getattr(self, name))
 
 

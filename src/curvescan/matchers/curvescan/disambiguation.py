@@ -23,6 +23,7 @@ from curvescan.matchers.curvescan.candidates import direction_of_walls
 from curvescan.matchers.curvescan.config import NEAR, CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
+from curvescan.matchers.curvescan.prior import log_odds
 from curvescan.matchers.curvescan.proposal.scoring import FINE, select
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.matchers.curvescan.refinement import refine
@@ -85,7 +86,7 @@ def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | Non
     if is_degenerate[0]:
         # where the scans leave a direction open, the prior decides along it: it is not held against the pose
         slid = problem.prior.nearest_along(poses[0], assessment.weakest, config.hypotheses.along_reach)
-        priors, wide_priors = problem.prior.log_odds(np.vstack((slid, poses[1:])))
+        priors, wide_priors = log_odds(np.vstack((slid, poses[1:])), problem.prior)
         weighed = replace(weighed, priors=priors, wide_priors=wide_priors)
     walls = direction_of_walls(ref, assessment) if weighed.is_one_way else None
     along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), walls, config)
@@ -179,11 +180,11 @@ def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPo
 
 def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> tuple[Pose, Assessment, Cov]:
     """Return the pose, moved along a direction that is open to where a prior has it; its support and its covariance."""
-    ref, cur, prior, config = problem
+    prior, config = problem.prior, problem.config
     ties, is_degenerate = assessed.ties, assessed.is_degenerate
     poses, pose = assessed.weighed.poses, assessed.weighed.poses[0]
     if assessed.is_flat and prior.is_told:
-        pose, assessment = move_to_guess(ref, cur, prior.pose, pose, assessment, config)
+        pose, assessment = move_to_guess(problem, pose, assessment)
     cov = assessment.covariance(is_degenerate, config.information)
     if is_degenerate[0]:
         cov = cov + covariance_of_direction(assessment.weakest, config.information)
@@ -264,21 +265,15 @@ def covariance_of_ties(pose: Pose, ties: Floats) -> Cov:
     return moment
 
 
-def move_to_guess(
-    ref: CurvescanFeatures,
-    cur: CurvescanFeatures,
-    guess: Pose,
-    pose: Pose,
-    assessment: Assessment,
-    config: CurvescanConfig,
-) -> tuple[Pose, Assessment]:
+def move_to_guess(problem: Problem, pose: Pose, assessment: Assessment) -> tuple[Pose, Assessment]:
     """Return a pose moved along its degenerate direction to its guess, and its assessment there, if the scans agree.
 
     Where motion along it is unobservable, the pose lies anywhere; and as the direction itself is known to a few
     milliradians only, half a metre along it that is added afterwards would turn the pose by as much.
     """
+    ref, cur, prior, config = problem
     along = assessment.weakest * _ARMS
-    offset = np.array(difference(guess, pose)) * _ARMS
+    offset = np.array(difference(prior.pose, pose)) * _ARMS
     distance_along = float(along @ offset) / float(along @ along)
     moved_along = pose + distance_along * assessment.weakest
     moved_along = refine(moved_along[np.newaxis], ref.full_image, cur.full_image, config.refinement.closer_schedule)

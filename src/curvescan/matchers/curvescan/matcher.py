@@ -20,16 +20,15 @@ from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, competing_poses, disambiguate
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
 from curvescan.matchers.curvescan.prior import WIDE, Prior
-from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, effort_of, propose
+from curvescan.matchers.curvescan.proposal.search import NOTHING, Candidates, Problem, at_prior, effort_of, searched
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 
 _NO_CODES = np.empty(0, dtype=np.uint8)
 _MIN_PROBES = 6
-_NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
 _NOT_ASSESSED = AssessedPose(
-    weighed=WeighedPoses(_NOTHING.poses, _NOTHING.scores, np.empty((0, N_EVIDENCE)), np.empty(0), np.empty(0)),
+    weighed=WeighedPoses(NOTHING.poses, NOTHING.scores, np.empty((0, N_EVIDENCE)), np.empty(0), np.empty(0)),
     is_degenerate=np.ones(3, dtype=np.bool_),
     ties=[],
 )
@@ -65,16 +64,22 @@ class CurvescanMatcher:
     ) -> MatchResult:
         """Return the pose of `current` in `reference`.
 
-        The pose of the prior is one more hypothesis. It is taken without a look at others when many readings agree
-        there and fix both axes, and it decides between poses that explain the scans as well as each other.
+        The pose of a narrow prior is tried first. Where the scans do not match there, or little agrees, it is one more
+        hypothesis. A prior also decides between poses that explain the scans as well as each other.
         """
         problem = Problem(reference, current, WIDE if prior is None else Prior.of(prior), self.config)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
-            return report(problem, _NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
-        candidates = Candidates(*propose(reference, current, problem.prior, self._effort))
-        assessed = assess(problem, *refine_candidates(problem, candidates))
-        verdict = disambiguate(problem, assessed)
-        return report(problem, candidates, assessed, verdict)
+            return report(problem, NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
+        near, is_likely = at_prior(problem, self._effort)
+        if is_likely and (result := judged(problem, near)).ok:
+            return result
+        return judged(problem, searched(problem, near, self._effort))
+
+
+def judged(problem: Problem, candidates: Candidates) -> MatchResult:
+    """Return what comes of the candidates."""
+    assessed = assess(problem, *refine_candidates(problem, candidates))
+    return report(problem, candidates, assessed, disambiguate(problem, assessed))
 
 
 def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict: Verdict) -> MatchResult:
@@ -84,7 +89,7 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
     labels = beam_labels(ref.n_beams, ref.beam_idx, codes[0], cur.n_beams, cur.beam_idx, codes[1])
     best = None if assessed.support is None else assessment or assessed.assessment
     information = np.zeros((3, 3)) if best is None else best.information_matrix(assessed.is_degenerate)
-    scores: list[float] = assessed.weighed.scores.tolist()
+    scores: list[float] = assessed.weighed.scores.tolist() or [math.nan]
     return MatchResult(
         method="curvescan",
         outcome=verdict.outcome,
@@ -95,14 +100,10 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
         labels_reference=labels[: ref.n_beams],
         labels_current=labels[ref.n_beams :],
         degenerate_direction=assessment.weakest if assessment and verdict.is_degenerate else None,
-        score=_score(scores[:1]),
-        runner_up=_score(scores[1:]),
+        score=scores[0],
+        runner_up=max(scores[1:], default=math.nan),
         confidence=verdict.confidence,
         candidates=competing_poses(problem, assessed, verdict),
         information=information,
         is_guess_decisive=verdict.is_guess_decisive,
     )
-
-
-def _score(scores: list[float]) -> float:
-    return max(scores, default=math.nan)

@@ -38,10 +38,6 @@ class Prior(NamedTuple):
         narrower = math.prod(WIDE_SIGMA) / math.sqrt(determinant)
         return cls(known.pose, precision, 1.0 / (_WRONG + 1.0 / (narrower - 1.0)) if narrower > 1.0 else 0.0)
 
-    def log_odds(self, poses: Floats) -> tuple[Floats, Floats]:
-        """Return (k,) log odds of (k, 3) poses beside the best of the wide prior: by this one, and if it is wrong."""
-        return log_odds(poses, self)
-
     def nearest_along(self, pose: Pose, direction: Pose, reach: float) -> Pose:
         """Return the pose that is expected most of those that lie up to `reach` along a direction from a pose."""
         x, y, turn = (pose - self.pose).tolist()
@@ -68,7 +64,7 @@ def inverse(cov: Cov) -> tuple[Cov, float]:
 
 @kernel
 def log_odds(poses: Floats, prior: Prior) -> tuple[Floats, Floats]:
-    """Return (k,) log odds of (k, 3) poses by a prior, and by the wide one about the same place; see Prior."""
+    """Return (k,) log odds of (k, 3) poses beside the best of the wide prior: by a prior, and if it is wrong."""
     found, found_wide = np.empty(poses.shape[0]), np.empty(poses.shape[0])
     expected, precision, off = prior.pose, prior.precision, np.empty(3)
     for k in range(poses.shape[0]):

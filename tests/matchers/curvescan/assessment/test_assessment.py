@@ -13,11 +13,11 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     remove_dynamic,
     without_dynamic,
 )
-from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, OCCLUDED, compare_readings
+from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, OCCLUDED
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.surfels import X
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
-from tests.matchers.curvescan.scenes import MOTION, features, pair
+from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, pair
 
 CONFIG = CurvescanConfig()
 RULES = CONFIG.information
@@ -45,11 +45,11 @@ def test_a_pose_is_assessed_from_both_scans():
     ref, cur = pair()
     found = assess_pose(ref, cur, MOTION, CONFIG)
     margin = CONFIG.scoring.margin
-    for surfels, image, pose, codes in (
-        (cur.image.surfels, ref.image, MOTION, found.codes_cur),
-        (ref.image.surfels, cur.image, cs.se2.inverse(MOTION), found.codes_ref),
+    for surfels, other, pose, codes in (
+        (cur.image.surfels, ref, MOTION, found.codes_cur),
+        (ref.image.surfels, cur, cs.se2.inverse(MOTION), found.codes_ref),
     ):
-        np.testing.assert_array_equal(codes, compare_readings(surfels, image, pose, margin)[0])
+        np.testing.assert_array_equal(codes, compare_readings(surfels, other, pose, margin)[0])
     assert found.n_inliers == np.count_nonzero(found.codes_cur == INLIER) > 150
     assert found.n_dynamic == 0
 

@@ -13,6 +13,7 @@ from curvescan.matchers.curvescan.assessment.confidence import (
     MAX_REPETITION,
     RIVAL_COEFFICIENTS,
     WeighedPoses,
+    is_hopeless,
     terms_of,
 )
 from curvescan.matchers.curvescan.assessment.evidence import (
@@ -226,15 +227,20 @@ def test_a_bare_room_may_be_turned_where_the_motion_is_large_or_a_wall_contradic
     assert not poses().may_be_turned
 
 
+def hopeless(*evidences):
+    weighed = poses(*evidences)
+    return is_hopeless(weighed.evidence, weighed.priors, weighed.wide_priors)
+
+
 def test_a_pair_is_hopeless_where_no_pose_comes_near():
     """Log odds of all poses below -2: not even one in seven is right, and none of 5,500 matches had less than -1.3."""
     bad = {AGREEING: 2.0, MISFIT: 2.0, SEEN_THROUGH: 2.0}
     assert poses(bad).log_odds(0) < -2.0 < poses(GOOD).log_odds(0)
-    assert poses(bad, bad).is_hopeless
-    assert not poses(bad, GOOD).is_hopeless  # whichever stands first
+    assert hopeless(bad, bad)
+    assert not hopeless(bad, GOOD)  # whichever stands first
     doubtful = {AGREEING: 6.0, MISFIT: 1.0, SEEN_THROUGH: 0.4}
     assert -2.0 < poses(doubtful).log_odds(0) < 0.0
-    assert not poses(doubtful).is_hopeless
+    assert not hopeless(doubtful)
 
 
 def test_surfaces_run_one_way_where_an_eighth_of_them_runs_across():

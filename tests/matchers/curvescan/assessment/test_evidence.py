@@ -45,7 +45,7 @@ def wall(x0, y0, x1, y1, n=40):
 
 
 def evidence(ref, cur, *poses):
-    return gather_evidence(ref, cur, np.array(poses), CONFIG.scoring.margin)
+    return gather_evidence(ref, cur, np.array(poses), CONFIG.scoring.margin)[0]
 
 
 def leaning(distance):

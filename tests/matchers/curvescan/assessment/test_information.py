@@ -19,20 +19,19 @@ from curvescan.matchers.curvescan.assessment.information import (
     eigen3,
     pose_information,
 )
-from curvescan.matchers.curvescan.assessment.labels import compare_readings
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.config import InformationConfig
 from curvescan.matchers.curvescan.features.objects import Objects
 from curvescan.matchers.curvescan.features.surfels import N_COLUMNS, NX, NY, TILT, VARIANCE, X, Y
 from curvescan.matchers.curvescan.refinement import refine
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
-from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
+from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, pair, pillar_scan
 from tests.reference import curvescan as slow
 
 
 def information_at(ref, cur, pose):
-    _, partner_cur = compare_readings(cur.image.surfels, ref.image, pose, 0.01)
-    _, partner_ref = compare_readings(ref.image.surfels, cur.image, cs.se2.inverse(pose), 0.01)
+    _, partner_cur = compare_readings(cur.image.surfels, ref, pose, 0.01)
+    _, partner_ref = compare_readings(ref.image.surfels, cur, cs.se2.inverse(pose), 0.01)
     arguments = (ref.image.surfels, partner_ref, cur.image.surfels, partner_cur, pose)
     return arguments, information_of(*arguments)
 

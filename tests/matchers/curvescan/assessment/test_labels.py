@@ -9,17 +9,10 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.assessment.labels import (
-    DYNAMIC,
-    INLIER,
-    OCCLUDED,
-    agreeing_limits,
-    compare_readings,
-    static_segments,
-)
+from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, OCCLUDED, agreeing_limits, static_segments
 from curvescan.matchers.curvescan.features.range_image import reading_at
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, RANGE, VARIANCE, X, Y
-from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
+from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, pair, pillar_scan
 from tests.reference import curvescan as slow
 
 
@@ -27,7 +20,7 @@ from tests.reference import curvescan as slow
 def test_labels_follow_their_definition(seed):
     ref, cur = pair(seed)
     pose = MOTION + 0.02 * np.random.default_rng(seed).standard_normal(3)
-    codes, partner = compare_readings(cur.image.surfels, ref.image, pose, 0.01)
+    codes, partner = compare_readings(cur.image.surfels, ref, pose, 0.01)
     for surfel, code, j in zip(cur.image.surfels, codes, partner, strict=True):
         point = cs.se2.transform(pose, surfel[:2])
         seen = reading_at(*point, ref.image)
@@ -55,13 +48,13 @@ def test_someone_who_walked_in_is_seen_as_moved():
     ranges = scan.ranges.copy()
     ranges[100:110] = 0.6
     cur = features(cs.LaserScan(ranges, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=20.0))
-    codes, _ = compare_readings(cur.image.surfels, ref.image, MOTION, 0.01)
+    codes, _ = compare_readings(cur.image.surfels, ref, MOTION, 0.01)
     is_person = np.isin(cur.beam_idx, np.arange(100, 110))
     assert (codes[is_person] == DYNAMIC).all()
     assert np.mean(codes[~is_person] == INLIER) > 0.85
     assert np.mean(codes[~is_person] == DYNAMIC) < 0.02
     # and from the other side: what the person hides is out of sight
-    codes, _ = compare_readings(ref.image.surfels, cur.image, cs.se2.inverse(MOTION), 0.01)
+    codes, _ = compare_readings(ref.image.surfels, cur, cs.se2.inverse(MOTION), 0.01)
     behind = np.isin(ref.beam_idx, np.arange(110, 113))
     assert (codes[behind] != DYNAMIC).all()
 
@@ -70,7 +63,7 @@ def test_someone_who_walked_in_is_seen_as_moved():
 def test_surfaces_at_rest_are_those_of_the_slow_twin(seed):
     ref, cur = pair(seed)
     pose = MOTION + np.array([0.004, 0.0, 0.0])  # half a wall seems to have moved
-    _, partner = compare_readings(cur.image.surfels, ref.image, pose, 0.01)
+    _, partner = compare_readings(cur.image.surfels, ref, pose, 0.01)
     for least in (0.0, 0.003, 0.01):
         arguments = (cur.image.surfels, cur.bounds, partner, ref.image.surfels, pose, 4.0, least)
         is_static, n_dynamic = static_segments(*arguments)
@@ -104,7 +97,7 @@ def test_a_reading_agrees_within_three_standard_deviations(side, n_sigmas, is_in
     distance = side * n_sigmas * np.sqrt(2.0 * moved[:, VARIANCE], where=has_line, out=0.0 * normal[:, 0])
     share = (np.sum(normal * centre, axis=1) + distance) / np.sum(normal * moved[:, [X, Y]], axis=1)
     moved[:, [X, Y]] *= share[:, np.newaxis]
-    codes, partner = compare_readings(moved, ref.image, np.zeros(3), 0.0)
+    codes, partner = compare_readings(moved, ref, np.zeros(3), 0.0)
     # a grazed line is reached so far along that nothing is said of it
     is_own = has_line & (np.abs(share - 1.0) < 0.05)
     assert is_own.sum() > 200
@@ -147,7 +140,7 @@ def test_another_thing_stands_five_centimetres_in_front_of_what_agrees(more, cod
     front = surfels[k, RANGE] - 2.0 * limit - 0.05 - more
     moved = surfels[k : k + 1].copy()
     moved[0, [X, Y]] *= front / math.hypot(*moved[0, [X, Y]])
-    codes, partner = compare_readings(moved, seen.image, np.zeros(3), 0.01)
+    codes, partner = compare_readings(moved, seen, np.zeros(3), 0.01)
     assert codes.tolist() == [code]
     assert partner.tolist() == [-1]
 
@@ -165,7 +158,7 @@ def test_what_lies_beside_its_line_along_it_is_not_of_the_surface():
         reading[0, [X, Y]] = 3.0, seen.image.surfels[k, Y]
         reach = 0.1 + 0.1 * other.image.surfels[k, RANGE]
         assert reach == pytest.approx(0.4, abs=0.005)
-        codes, _ = compare_readings(reading, other.image, np.zeros(3), 0.01)
+        codes, _ = compare_readings(reading, other, np.zeros(3), 0.01)
         assert (codes[0] == INLIER) == is_inlier
 
 

@@ -18,7 +18,7 @@ CORNERS = [(ROOM[2], ROOM[1]), (ROOM[2], ROOM[3])]
 
 
 def test_the_corners_of_a_room_are_found_with_their_turn():
-    keypoints = features(room_scan()).keypoints
+    keypoints = features(room_scan()).landmarks.keypoints
     for x, y in CORNERS:
         at = np.hypot(keypoints[:, 0] - x, keypoints[:, 1] - y) < 0.02
         assert at.any()
@@ -33,13 +33,13 @@ def test_a_bare_wall_under_noise_has_no_corner():
     for seed in range(20):
         noise = 0.01 * np.random.default_rng(seed).standard_normal(281)
         scan = cs.LaserScan(1.0 / np.cos(angles) + noise, angle_min=-0.7, angle_increment=0.005)
-        assert np.count_nonzero(features(scan).keypoints[:, 4] < 10) <= 2
+        assert np.count_nonzero(features(scan).landmarks.keypoints[:, 4] < 10) <= 2
 
 
 @pytest.mark.parametrize("angle", [0.5, 2.0, -3.0])
 def test_frames_turn_with_the_sensor_frame(angle):
     scan = pillar_scan(seed=1)
-    plain, moved = features(scan).keypoints, features(turned(scan, angle)).keypoints
+    plain, moved = features(scan).landmarks.keypoints, features(turned(scan, angle)).landmarks.keypoints
     np.testing.assert_allclose(cs.se2.transform([0.0, 0.0, angle], plain[:, :2]), moved[:, :2], atol=1e-9)
     np.testing.assert_allclose(cs.se2.wrap(moved[:, 2] - plain[:, 2] - angle), 0.0, atol=1e-9)
     np.testing.assert_allclose(moved[:, 3:], plain[:, 3:], atol=1e-9)
@@ -49,7 +49,7 @@ def test_ends_are_those_of_near_surfaces_and_not_of_shadows():
     # a board 2 m ahead, from y = -0.5 to 0.5, before a wall 4 m ahead
     angles = -0.6 + 0.005 * np.arange(241)
     ranges = np.where(np.abs(2.0 * np.tan(angles)) < 0.5, 2.0, 4.0) / np.cos(angles)
-    keypoints = features(cs.LaserScan(ranges, angle_min=-0.6, angle_increment=0.005)).keypoints
+    keypoints = features(cs.LaserScan(ranges, angle_min=-0.6, angle_increment=0.005)).landmarks.keypoints
     ends = keypoints[keypoints[:, 4] >= 10]
     np.testing.assert_allclose(ends[:, 0], 2.0, atol=1e-9)
     np.testing.assert_allclose(np.sort(ends[:, 1]), [-0.5, 0.5], atol=0.02)
@@ -71,7 +71,7 @@ def test_no_more_frames_than_asked_for():
     from curvescan.matchers.curvescan.config import CurvescanConfig
 
     config = CurvescanConfig(keypoints=KeypointsConfig(max_keypoints=3))
-    keypoints = features(pillar_scan(), config).keypoints
+    keypoints = features(pillar_scan(), config).landmarks.keypoints
     assert np.count_nonzero(keypoints[:, 4] < 10) <= 3
     assert np.count_nonzero(keypoints[:, 4] >= 10) <= 3
     for wrong in ({"arms": ()}, {"min_turn": 4.0}, {"max_keypoints": 0}):

@@ -42,7 +42,7 @@ def test_lines_of_a_noise_free_room_are_its_walls():
 def fit(scan):
     _, readings, bounds = run_sweep(scan)
     step = abs(scan.angle_increment)
-    fits, _, sigma = fit_lines(readings, bounds, CONFIG.arm, CONFIG.range_sigma_min)
+    fits, sigma = fit_lines(readings, bounds, CONFIG.arm, CONFIG.range_sigma_min)
     return fit_surfels(readings, fits, step, sigma), sigma
 
 

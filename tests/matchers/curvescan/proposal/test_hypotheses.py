@@ -13,10 +13,10 @@ from tests.reference import curvescan as slow
 
 def test_a_pair_of_frames_is_the_pose_that_joins_them():
     ref, cur = pair()
-    poses = pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, 0.4, 4000)
+    poses = pair_keypoints(ref.landmarks.keypoints, cur.landmarks.keypoints, ref.image, cur.image, 0.4, 4000)
     expected = []
-    for c in cur.keypoints:
-        for r in ref.keypoints:
+    for c in cur.landmarks.keypoints:
+        for r in ref.landmarks.keypoints:
             if r[4] != c[4] or abs(r[3] - c[3]) > 0.4:
                 continue
             pose = cs.se2.compose(r[:3], cs.se2.inverse(c[:3]))
@@ -39,8 +39,8 @@ def test_a_sensor_does_not_stand_behind_a_wall():
 
 def test_no_more_pairs_than_asked_for():
     ref, cur = pair()
-    assert len(pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, 0.4, 5)) == 5
-    assert len(pair_keypoints(ref.keypoints[:0], cur.keypoints, ref.image, cur.image, 0.4, 5)) == 0
+    assert len(pair_keypoints(ref.landmarks.keypoints, cur.landmarks.keypoints, ref.image, cur.image, 0.4, 5)) == 5
+    assert len(pair_keypoints(ref.landmarks.keypoints[:0], cur.landmarks.keypoints, ref.image, cur.image, 0.4, 5)) == 0
 
 
 @pytest.mark.parametrize("seed", range(5))

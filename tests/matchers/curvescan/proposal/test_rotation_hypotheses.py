@@ -33,8 +33,8 @@ def hall_scan(x, *, sigma=0.005, seed=0, width=2.0):
 def test_the_histogram_turns_with_the_sensor(angle):
     scan = pillar_scan(seed=1)
     ref, cur = features(scan), features(turned(scan, -angle))
-    np.testing.assert_allclose(np.linalg.norm(ref.directions), 1.0)
-    poses = rotation_hypotheses(ref.directions, cur.directions, 4, np.array([0.3, 0.1, 0.2]))
+    np.testing.assert_allclose(np.linalg.norm(ref.landmarks.directions), 1.0)
+    poses = rotation_hypotheses(ref.landmarks.directions, cur.landmarks.directions, 4, np.array([0.3, 0.1, 0.2]))
     np.testing.assert_array_equal(poses[0], [0.3, 0.1, 0.2])
     np.testing.assert_array_equal(poses[1:, :2], np.tile([0.3, 0.1], (len(poses) - 1, 1)))
     # a tenth of a bin of 3 degrees
@@ -43,8 +43,8 @@ def test_the_histogram_turns_with_the_sensor(angle):
 
 def test_turns_are_peaks_of_the_correlation():
     ref, cur = pair()
-    likeness = slow.turn_likeness(ref.directions, cur.directions)
-    poses = rotation_hypotheses(ref.directions, cur.directions, 3, np.zeros(3))
+    likeness = slow.turn_likeness(ref.landmarks.directions, cur.landmarks.directions)
+    poses = rotation_hypotheses(ref.landmarks.directions, cur.landmarks.directions, 3, np.zeros(3))
     bins = np.round(np.mod(poses[1:, 2], 2 * math.pi) * 120 / (2 * math.pi)).astype(int) % 120
     assert bins[0] == np.argmax(likeness)
     for k in bins:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 import curvescan as cs
+from curvescan.matchers.curvescan import matcher
 from curvescan.matchers.curvescan.config import CurvescanConfig, HypothesesConfig, ScoringConfig
+from curvescan.matchers.curvescan.matcher import CurvescanMatcher
 from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal import search as rules
-from curvescan.matchers.curvescan.proposal.search import Candidates, effort_of, is_trusted, refine_guess
-from curvescan.matchers.result import prior_of
+from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, at_prior, effort_of, searched
+from curvescan.matchers.result import Outcome, prior_of
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair
 
@@ -21,11 +25,12 @@ def prior_at(guess):
 
 
 def search(ref, cur, prior, config, **effort):
-    return Candidates(*rules.search(ref, cur, prior, effort_of(config)._replace(**effort)))
-
-
-def propose(ref, cur, guess):
-    return Candidates(*rules.propose(ref, cur, prior_at(guess), effort_of(CONFIG)))
+    images, landmarks, no_guess = (
+        (ref.image, cur.image),
+        (ref.landmarks, cur.landmarks),
+        (np.empty((0, 3)), np.empty(0)),
+    )
+    return Candidates(*rules.search(*images, *landmarks, prior, *no_guess, effort_of(config)._replace(**effort)))
 
 
 def off(pose):
@@ -67,29 +72,49 @@ def test_no_walls_are_aligned_where_the_best_pose_lies_where_the_guess_has_it():
     assert np.abs(found.poses[0] - motion).max() < 0.02
 
 
-def trusted(ref, cur, guess):
-    images, prior, effort = (ref.image, cur.image), prior_at(guess), effort_of(CONFIG)
-    return is_trusted(*images, prior, *refine_guess(*images, prior, effort), effort)
+def matched(ref, cur, guess):
+    return CurvescanMatcher(CONFIG).match(ref, cur, prior_of(None, guess))
 
 
-def test_a_guess_is_followed_only_where_it_is_right():
+def test_a_search_is_made_only_where_the_prior_is_wrong():
     ref, cur = pair()
-    assert trusted(ref, cur, MOTION + 0.03)
-    followed = propose(ref, cur, MOTION + 0.03)
-    assert followed.n_tried == 1
-    assert off(followed.poses[0]) < 0.01
-    assert not trusted(ref, cur, MOTION + np.array([0.8, 0.5, 1.0]))
+    followed = matched(ref, cur, MOTION + 0.03)
+    assert followed.trace.candidates.n_tried == 1
+    assert off(followed.pose) < 0.01
+    assert not {"landmarks"} & (vars(ref).keys() | vars(cur).keys())  # which nothing needs
+    found = matched(ref, cur, MOTION + np.array([0.8, 0.5, 1.0]))
+    assert found.trace.candidates.n_tried > 10
+    assert off(found.pose) < 0.01
 
 
-def test_a_guess_in_a_corridor_is_not_trusted():
+def test_a_prior_is_followed_along_a_corridor():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    assert not trusted(ref, cur, np.zeros(3))
+    followed = matched(ref, cur, np.array([0.4, 0.0, 0.0]))
+    assert followed.trace.candidates.n_tried == 1
+    assert followed.degenerate_direction is not None
 
 
-def test_a_guess_that_is_not_trusted_is_one_more_candidate():
+def test_where_the_scans_do_not_match_at_a_likely_prior_a_search_is_made(monkeypatch):
+    ref, cur = pair()
+    refused = []
+
+    def judged(problem, candidates):
+        result = judge(problem, candidates)
+        refused.append(len(refused) == 0)
+        return replace(result, outcome=Outcome.UNSUPPORTED) if refused[-1] else result
+
+    judge = matcher.judged
+    monkeypatch.setattr(matcher, "judged", judged)
+    found = matched(ref, cur, MOTION + 0.03)
+    assert refused == [True, False]
+    assert off(found.pose) < 0.01
+
+
+def test_a_prior_that_is_not_followed_is_one_more_candidate():
     ref, cur = pair()
     guess = MOTION + np.array([0.0, 0.6, 0.0])
+    problem, effort = Problem(ref, cur, prior_at(guess), CONFIG), effort_of(CONFIG)
     alone = search(ref, cur, prior_at(guess), CONFIG)
-    found = propose(ref, cur, guess)
+    found = searched(problem, at_prior(problem, effort)[0], effort)
     assert len(found.poses) >= len(alone.poses)
     assert off(found.poses[0]) < 0.01

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import inlined, kernel
+from curvescan.matchers.curvescan.assessment.evidence import Compared, gather_evidence
 from curvescan.matchers.curvescan.assessment.information import covariance, information_matrix, pose_information
-from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, compare_readings, static_segments
+from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, static_segments
 from curvescan.matchers.curvescan.config import (
     AS_GOOD,
     LASER_ERROR,
@@ -71,9 +72,15 @@ class Assessment(NamedTuple):
 
 def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, config: CurvescanConfig) -> Assessment:
     """Return what the scans say of a pose of the current scan in the reference."""
-    rules = config.scoring
-    limits = rules.margin, 2.0 * LIKELY_SIGMAS, rules.margin, config.information.max_sigma**-2
-    return Assessment(*assess(ref, cur, pose, limits))
+    limits = limits_of(config)
+    _, compared = gather_evidence(ref, cur, pose[np.newaxis], limits[0])
+    return Assessment(*assess(ref, cur, pose, compared, limits))
+
+
+def limits_of(config: CurvescanConfig) -> tuple[float, float, float, float]:
+    """Return the margin of readings, sigmas and metres by which a surface has moved, and the least information."""
+    margin = config.scoring.margin
+    return margin, 2.0 * LIKELY_SIGMAS, margin, config.information.max_sigma**-2
 
 
 @inlined
@@ -91,19 +98,18 @@ def remove_dynamic(codes: Codes, partner: Ints, is_static: Bools) -> int:
 
 @kernel
 def assess(
-    scan_ref: CurvescanFeatures, scan_cur: CurvescanFeatures, pose: Floats, limits: tuple[float, float, float, float]
+    scan_ref: CurvescanFeatures,
+    scan_cur: CurvescanFeatures,
+    pose: Floats,
+    compared: Compared,
+    limits: tuple[float, float, float, float],
 ) -> tuple[Codes, Codes, int, int, Floats, Floats, Floats, Bools]:
-    """Return the fields of an Assessment, in their order.
-
-    limits: margin as in ScoringConfig, standard deviations and metres of the mean by which a surface has moved, and
-    the least information that is any.
-    """
-    margin, limit, least, least_information = limits
+    """Return the fields of an Assessment, in their order, of readings that were compared, whose arrays change."""
+    _, limit, least, least_information = limits
     ref, cur = scan_ref.image, scan_cur.image
+    codes_ref, partner_ref, codes_cur, partner_cur = compared
     c, s = math.cos(pose[2]), math.sin(pose[2])
     back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
-    codes_cur, partner_cur = compare_readings(cur.surfels, ref, pose, margin)
-    codes_ref, partner_ref = compare_readings(ref.surfels, cur, back, margin)
     is_static_cur, n_dynamic_cur = static_segments(
         cur.surfels, scan_cur.bounds, partner_cur, ref.surfels, pose, limit, least
     )

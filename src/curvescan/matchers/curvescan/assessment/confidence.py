@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from curvescan._jit import inlined, kernel
+from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.evidence import (
     AGREEING,
     BEYOND,
@@ -27,12 +27,10 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     SEEN_THROUGH,
     SMALL,
     WEAKEST,
-    gather_evidence,
 )
 from curvescan.matchers.curvescan.config import SAME
-from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference
-from curvescan.matchers.curvescan.prior import TOLD, Prior, log_odds
+from curvescan.matchers.curvescan.prior import TOLD
 from curvescan.types import Floats
 
 # Metres of surface that are more than chance: a room is bare where less agrees beyond its four walls; people, who hide
@@ -210,11 +208,6 @@ class WeighedPoses:
         return self.is_bare and is_likely and not self.is_told(0)
 
     @property
-    def is_hopeless(self) -> bool:
-        """Whether no pose comes near the confidence of a match: neither search along walls nor refinement helps."""
-        return max(self._odds) < _HOPELESS
-
-    @property
     def is_one_way(self) -> bool:
         """Whether nearly all surface that agrees at the first pose runs one way, as in a corridor.
 
@@ -285,10 +278,14 @@ def terms_of(evidence: Floats, priors: Floats, wide_priors: Floats) -> Floats:
     return terms
 
 
-@inlined
-def weigh(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, prior: Prior, margin: float
-) -> tuple[Floats, Floats, Floats]:
-    """Return what speaks for poses: the fields of WeighedPoses but for poses and scores; margin as in ScoringConfig."""
-    priors, wide_priors = log_odds(poses, prior)
-    return gather_evidence(ref, cur, poses, margin), priors, wide_priors
+@kernel
+def is_hopeless(evidence: Floats, priors: Floats, wide_priors: Floats) -> bool:
+    """Return whether no pose comes near the confidence of a match: neither search along walls nor refinement helps."""
+    terms = terms_of(evidence, priors, wide_priors)
+    for k in range(priors.size):
+        log_odds = 0.0
+        for i in range(_N_TERMS):
+            log_odds += _WEIGHTS[i] * terms[k, i]
+        if log_odds >= _HOPELESS:
+            return False
+    return True

@@ -7,11 +7,12 @@ any other surface is a wall seen through. Docs: docs/design-notes/confidence.md.
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
 from curvescan._jit import inlined, kernel
-from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, IN_FRONT, INLIER, agreeing_limits
+from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, IN_FRONT, INLIER, OCCLUDED, agreeing_limits
 from curvescan.matchers.curvescan.assessment.walls import excess_lengths
 from curvescan.matchers.curvescan.association import (
     BACKWARD,
@@ -38,38 +39,52 @@ from curvescan.types import Bools, Codes, Floats, Ints
 AGREEING, EXCESS, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE, SMALL, BEYOND = range(9)
 N_EVIDENCE = BEYOND + 1
 
+# Of the readings of the reference, and of those of the current scan: what each is to the other scan, a code of
+# labels.py, and the reading there that it agrees with, -1 without one.
+Compared: TypeAlias = tuple[Codes, Ints, Codes, Ints]
+
 _CLEAR = 2  # readings beside a person on a wall whose lines the person may have tilted
 _LARGE_EXTENT = 0.5  # metres: extent of a surface that is no person's
 _BESIDE = 0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
 
 
 @kernel
-def gather_evidence(ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, margin: float) -> Floats:
-    """Return (k, N_EVIDENCE) the evidence of (k, 3) poses; `margin` as in ScoringConfig."""
+def gather_evidence(
+    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, margin: float
+) -> tuple[Floats, Compared]:
+    """Return (k, N_EVIDENCE) the evidence of (k, 3) poses, and the readings compared at the first."""
     found = np.zeros((poses.shape[0], N_EVIDENCE))
-    for k in range(poses.shape[0]):
+    codes_ref, codes_cur = np.empty(ref.beam_idx.size, dtype=np.uint8), np.empty(cur.beam_idx.size, dtype=np.uint8)
+    partner_ref, partner_cur = np.empty(codes_ref.size, dtype=np.int64), np.empty(codes_cur.size, dtype=np.int64)
+    for k in range(poses.shape[0] - 1, -1, -1):
         n_misfits = 0.0
-        for way in (FORWARD, BACKWARD):
-            scan, other = (cur, ref) if way > 0.0 else (ref, cur)
-            n_misfits += add_evidence(scan, other, poses[k], way, margin, found[k])
+        n_misfits += add_evidence(cur, ref, poses[k], FORWARD, margin, found[k], codes_cur, partner_cur)
+        n_misfits += add_evidence(ref, cur, poses[k], BACKWARD, margin, found[k], codes_ref, partner_ref)
         for column in range(N_EVIDENCE):
             found[k, column] *= 1.0 / max(n_misfits, 1.0) if column == MISFIT else 0.5
-    return found
+    return found, (codes_ref, partner_ref, codes_cur, partner_cur)
 
 
 @kernel
 def add_evidence(
-    scan: CurvescanFeatures, other_scan: CurvescanFeatures, pose: Floats, way: float, margin: float, found: Floats
+    scan: CurvescanFeatures,
+    other_scan: CurvescanFeatures,
+    pose: Floats,
+    way: float,
+    margin: float,
+    found: Floats,
+    codes: Codes,
+    partner: Ints,
 ) -> int:
-    """Add what the readings of one scan say of a pose to (N_EVIDENCE,) `found`; return how many have a misfit."""
+    """Add what the readings of one scan say of a pose to `found`, and compare them; return how many have a misfit."""
     surfels, bounds, is_small = scan.image.surfels, scan.bounds, scan.objects.is_small
     other, is_small_other = other_scan.image, other_scan.objects.is_small
-    codes = np.zeros(surfels.shape[0], dtype=np.uint8)
     motion = motion_of(pose, way)
     placed = project(surfels, motion, other)
     n_misfits = 0
     xx, xy, yy = 0.0, 0.0, 0.0
     for i in range(surfels.shape[0]):
+        codes[i], partner[i] = OCCLUDED, -1
         j, _, x, y, across, along = associate(placed, i, other)
         if j < 0:
             continue
@@ -77,7 +92,7 @@ def add_evidence(
         limit, reach = agreeing_limits(surfels, i, other.surfels, j, margin)
         is_on_line = along * along < reach * reach
         if is_on_line and abs(across) < limit:
-            codes[i] = INLIER
+            codes[i], partner[i] = INLIER, j
             nx, ny = surfels[i, NX], surfels[i, NY]
             found[AGREEING] += length
             xx, xy, yy = xx + length * nx * nx, xy + length * nx * ny, yy + length * ny * ny

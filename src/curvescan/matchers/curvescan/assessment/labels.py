@@ -7,17 +7,8 @@ import math
 import numpy as np
 
 from curvescan._jit import inlined, kernel
-from curvescan.matchers.curvescan.association import (
-    FORWARD,
-    associate,
-    distances,
-    is_seen_through,
-    motion_of,
-    project,
-    projected,
-)
+from curvescan.matchers.curvescan.association import FORWARD, distances, motion_of, projected
 from curvescan.matchers.curvescan.config import REACH, SURE_SIGMAS
-from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.surfels import RANGE, VARIANCE
 from curvescan.matchers.result import Label
 from curvescan.types import Bools, Codes, Floats, Ints
@@ -42,33 +33,6 @@ def agreeing_limits(surfels: Floats, i: int, surfels_other: Floats, j: int, marg
     variance = surfels[i, VARIANCE] + surfels_other[j, VARIANCE]
     reach = REACH + REACH * surfels_other[j, RANGE]
     return SURE_SIGMAS * math.sqrt(variance) + margin, reach
-
-
-@kernel
-def compare_readings(surfels: Floats, other: RangeImage, pose: Floats, margin: float) -> tuple[Codes, Ints]:
-    """Return what each reading is to the other scan, and the reading there that it agrees with.
-
-    surfels (m, 10); pose (3,); codes (m,); partner (m,): Reading of the other scan where it is an INLIER, else -1.
-    """
-    m = surfels.shape[0]
-    codes = np.empty(m, dtype=np.uint8)
-    partner = np.empty(m, dtype=np.int64)
-    surfels_other = other.surfels
-    placed = project(surfels, motion_of(pose, FORWARD), other)
-    for i in range(m):
-        codes[i], partner[i] = OCCLUDED, -1
-        j, _, x, y, across, along = associate(placed, i, other)
-        if j < 0:
-            continue
-        limit, reach = agreeing_limits(surfels, i, surfels_other, j, margin)
-        if abs(across) < limit and along * along < reach * reach:
-            codes[i] = INLIER
-            partner[i] = j
-            continue
-        front = surfels_other[j, RANGE] - 2.0 * limit - IN_FRONT
-        if is_seen_through(x, y, front):
-            codes[i] = DYNAMIC
-    return codes, partner
 
 
 @kernel

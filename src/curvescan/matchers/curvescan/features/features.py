@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.features.keypoints import find_corners, with_ends
+from curvescan.matchers.curvescan.config import CurvescanConfig, KeypointsConfig
+from curvescan.matchers.curvescan.features.keypoints import add_ends, find_corners
 from curvescan.matchers.curvescan.features.objects import Objects, find_objects
 from curvescan.matchers.curvescan.features.range_image import RangeImage, azimuth_table, bearing, uneven_azimuth_table
 from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
-from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, fit_lines, fit_surfels
+from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, RANGE, X, Y, fit_lines, fit_surfels, moments
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Floats, Ints
 
@@ -29,16 +30,29 @@ N_DIRECTIONS = 120
 _LEAST_NORM2 = 1e-12  # square metres, so that a scan without surfaces is not divided by zero
 
 
-class CurvescanFeatures(NamedTuple):
-    """Surfels, keypoints and the range image of one scan."""
+class Surfaces(NamedTuple):
+    """Surfels and the range image of one scan."""
 
     n_beams: int  # beams of the scan
     beam_idx: Ints  # (m,): the scan's own index of each valid reading, readings counter-clockwise from a breakpoint on
     bounds: Ints  # (s + 1,): surface k is readings bounds[k]:bounds[k + 1]
     objects: Objects  # surfaces that may move as one
     image: RangeImage  # the readings and the lines through them, and which reading stands in which direction
+
+
+class Landmarks(NamedTuple):
+    """What poses are proposed from."""
+
     keypoints: Floats  # (k, 5): corners and ends of surfaces; columns as in keypoints.py
     directions: Floats  # (120,): length of surface that faces each direction
+
+
+class CurvescanFeatures(Surfaces):
+    """What the matcher knows of one scan; its landmarks from when they are first asked for."""
+
+    is_closed: bool  # whether the last beam neighbours the first
+    range_sigma: float  # range noise, metres
+    rules: KeypointsConfig  # what corners and ends are
 
     @property
     def wide_image(self) -> RangeImage:
@@ -50,20 +64,24 @@ class CurvescanFeatures(NamedTuple):
         """The image with all readings as samples."""
         return self.image._replace(samples=self.image.surfels)
 
+    @cached_property
+    def landmarks(self) -> Landmarks:
+        """Corners, ends and directions of surfaces: a match near a good prior needs none, and they take long."""
+        rules = self.rules.arm_lengths, self.rules.min_turn, self.rules.max_keypoints
+        return Landmarks(*find_landmarks(self.image.surfels, self.bounds, self.is_closed, self.range_sigma, *rules))
+
 
 def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatures:
     """Return the features of a scan, also of one without a valid reading."""
     n, step = len(scan), abs(scan.angle_increment)
     is_clockwise, is_closed, is_even = scan.angle_increment < 0.0, scan.is_full_circle, scan.has_uniform_angles
-    segments, keypoints = config.segments, config.keypoints
+    segments = config.segments
     angles = scan.angles[:0] if is_even else scan.angles
     n_slots = 0 if not is_even else max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
-    beam_idx, bounds, surfels, corners, few, label, is_free, is_small, directions, table = extract(
+    beam_idx, bounds, surfels, few, label, is_free, is_small, table, range_sigma = extract(
         Sweep(scan.ranges, scan.directions, scan.valid, angles, step, is_clockwise, is_closed),
         (segments.incidence_limit, segments.jump, segments.arm, segments.range_sigma_min),
-        keypoints.arm_lengths,
-        keypoints.min_turn,
-        (keypoints.max_keypoints, config.scoring.n_samples, n_slots),
+        (config.scoring.n_samples, n_slots),
     )
     if is_even:
         angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
@@ -72,50 +90,52 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
         angle_min = float(scan.angles[-1 if is_clockwise else 0])
         table, density = uneven_azimuth_table(beam_idx, scan.angles, step, is_closed)
     azimuth = np.array([math.remainder(angle_min, 2.0 * math.pi), density, density * step])
-    return CurvescanFeatures(
-        n_beams=n,
-        beam_idx=beam_idx,
-        bounds=bounds,
-        objects=Objects(label, is_free, is_small),
-        image=RangeImage(few, surfels, azimuth, table),
-        keypoints=corners,
-        directions=directions,
-    )
+    objects, image = Objects(label, is_free, is_small), RangeImage(few, surfels, azimuth, table)
+    features = CurvescanFeatures(n, beam_idx, bounds, objects, image)
+    features.is_closed, features.range_sigma, features.rules = is_closed, range_sigma, config.keypoints
+    return features
 
 
 @kernel
 def extract(
-    sweep: Sweep,
-    lengths: tuple[float, float, float, float],
-    arms: Floats,
-    min_turn: float,
-    counts: tuple[int, int, int],
-) -> tuple[Ints, Ints, Floats, Floats, Floats, Ints, Bools, Bools, Floats, Ints]:
-    """Return beams, bounds, surfels, keypoints, samples, objects, directions and azimuths.
+    sweep: Sweep, lengths: tuple[float, float, float, float], counts: tuple[int, int]
+) -> tuple[Ints, Ints, Floats, Floats, Ints, Bools, Bools, Ints, float]:
+    """Return beams, bounds, surfels, samples, objects, azimuths and the range noise, metres.
 
     What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
     depends on the noise, which is estimated from the lines: where it is large, segments and lines are found anew with
-    it. lengths: incidence limit, jump, arm and least noise; counts: keypoints at most, samples, slots of the azimuth
-    table.
+    it. lengths: incidence limit, jump, arm and least noise; counts: samples, slots of the azimuth table.
     """
     incidence_limit, jump, arm, sigma_min = lengths
-    max_keypoints, n_samples, n_slots = counts
+    n_samples, n_slots = counts
     beam_idx, readings, bounds = ordered_readings(sweep, incidence_limit, jump)
-    fits, sums, sigma = fit_lines(readings, bounds, arm, sigma_min)
+    fits, sigma = fit_lines(readings, bounds, arm, sigma_min)
     if sigma > _NOISY:
         jump += _JUMP_GROWTH * (sigma - _NOISY)
         arm *= (sigma / _NOISY) ** _ARM_GROWTH
         beam_idx, readings, bounds = ordered_readings(sweep, incidence_limit, jump)
-        fits, sums, sigma = fit_lines(readings, bounds, arm, sigma_min)
+        fits, sigma = fit_lines(readings, bounds, arm, sigma_min)
     surfels = fit_surfels(readings, fits, sweep.step, sigma)
-    # of the readings, whose rows are short and stay in the cache, and not of the surfels
-    corners = find_corners(readings, sums, bounds, arms, sigma, min_turn, max_keypoints)
-    keypoints = with_ends(corners, readings, sums, bounds, arms[arms.size // 2], sweep.is_closed, max_keypoints)
     samples = choose_samples(surfels, n_samples)
     table = azimuth_table(beam_idx, sweep.ranges.size, n_slots, sweep.is_clockwise, sweep.is_closed)
     label, is_free, is_small = find_objects(surfels, bounds)
-    directions = direction_histogram(surfels)
-    return beam_idx, bounds, surfels, keypoints, samples, label, is_free, is_small, directions, table
+    return beam_idx, bounds, surfels, samples, label, is_free, is_small, table, sigma
+
+
+@kernel
+def find_landmarks(
+    surfels: Floats, bounds: Ints, is_closed: bool, sigma: float, arms: Floats, min_turn: float, max_keypoints: int
+) -> tuple[Floats, Floats]:
+    """Return the fields of Landmarks."""
+    readings = np.empty((surfels.shape[0], RANGE + 1))  # short rows, which stay in the cache
+    for i in range(readings.shape[0]):
+        for column in (X, Y, RANGE):
+            readings[i, column] = surfels[i, column]
+    sums = moments(readings)
+    found = np.empty((2 * max_keypoints, 5))
+    n = find_corners(found, readings, sums, bounds, arms, sigma, min_turn, max_keypoints)
+    n = add_ends(found[: n + max_keypoints], n, readings, sums, bounds, arms[arms.size // 2], is_closed)
+    return found[:n].copy(), direction_histogram(surfels)
 
 
 @kernel

@@ -134,12 +134,10 @@ def corner_between(
 
 @kernel
 def find_corners(
-    readings: Floats, sums: Floats, bounds: Ints, arms: Floats, sigma: float, min_turn: float, max_keypoints: int
-) -> Floats:
-    """Return (k, 5) corners at each arm length, max_keypoints at most."""
-    m = readings.shape[0]
-    found = np.empty((max_keypoints, 5))
-    n_found = 0
+    found: Floats, readings: Floats, sums: Floats, bounds: Ints, arms: Floats, sigma: float, min_turn: float, most: int
+) -> int:
+    """Write the corners at each arm length into (k, 5) `found`, `most` of them; return how many there are."""
+    m, n_found = readings.shape[0], most - most  # 0 that is no constant
     bend = np.empty(m)
     lows = np.empty(m, dtype=np.int64)
     highs = np.empty(m, dtype=np.int64)
@@ -149,7 +147,7 @@ def find_corners(
         measure_bends(readings, sums, bounds, arms[a], straight, bend, lows, highs)
         for s in range(bounds.size - 1):
             for i in range(bounds[s] + 1, bounds[s + 1] - 1):
-                if bend[i] < min_bend or n_found >= max_keypoints:
+                if bend[i] < min_bend or n_found >= most:
                     continue
                 low, high = lows[i], highs[i]
                 if not is_sharpest(bend, i, low, high):
@@ -163,19 +161,15 @@ def find_corners(
                 found[n_found, DIRECTION], found[n_found, TURN] = direction, turn
                 found[n_found, KIND] = a
                 n_found += 1
-    return found[:n_found].copy()
+    return n_found
 
 
 @kernel
-def with_ends(
-    corners: Floats, readings: Floats, sums: Floats, bounds: Ints, arm: float, is_closed: bool, max_ends: int
-) -> Floats:
-    """Return (k, 5) corners, then physical ends of surfaces, which hide nothing nearer than themselves."""
-    m, n_found = readings.shape[0], corners.shape[0]
-    found = np.empty((n_found + max_ends, 5))
-    for i in range(n_found):  # one by one: assigning a slice takes more than a second to compile
-        for column in range(5):
-            found[i, column] = corners[i, column]
+def add_ends(
+    found: Floats, n_found: int, readings: Floats, sums: Floats, bounds: Ints, arm: float, is_closed: bool
+) -> int:
+    """Write physical ends of surfaces, which hide nothing nearer than themselves, behind the corners found."""
+    m = readings.shape[0]
     for s in range(bounds.size - 1):
         start, stop = bounds[s], bounds[s + 1]
         if stop - start < 4:
@@ -211,4 +205,4 @@ def with_ends(
             found[n_found, TURN] = 0.0
             found[n_found, KIND] = BEGIN if side == 0 else END
             n_found += 1
-    return found[:n_found].copy()
+    return n_found

@@ -60,6 +60,7 @@ def azimuth_table(beam_idx: Ints, n_beams: int, n_slots: int, is_clockwise: bool
     return table
 
 
+@kernel
 def uneven_azimuth_table(beam_idx: Ints, angles: Floats, step: float, is_closed: bool) -> tuple[Ints, float]:
     """Return the lookup of beams that are not evenly spaced, and its slots a radian.
 
@@ -67,28 +68,37 @@ def uneven_azimuth_table(beam_idx: Ints, angles: Floats, step: float, is_closed:
 
     beam_idx (m,); angles (n,).
     """
-    reading = np.full(angles.size, -1, dtype=np.int64)
-    reading[beam_idx] = np.arange(beam_idx.size)
-    if angles[-1] < angles[0]:
-        angles, reading = angles[::-1], reading[::-1]
-    turn = 2.0 * math.pi
-    offsets = angles - angles[0]
-    once = offsets < turn - _ONE_TURN  # what a sweep sees a second time is left to the first
-    offsets, reading = offsets[once], reading[once]
-    reach = turn if is_closed else offsets[-1] + _GAP_STEPS * step
-    n_slots = int(min(math.ceil(_SLOTS_A_STEP * reach / step), _MAX_SLOTS)) + 1 - is_closed
+    n, turn = angles.size, 2.0 * math.pi
+    is_falling = angles[n - 1] < angles[0]
+    # beams from the first on, counter-clockwise, the last once more before it and the first after it
+    around, reading = np.empty(n + 2), np.empty(n + 2, dtype=np.int64)
+    n_once = n - n  # 0 that is no constant
+    for k in range(n):
+        offset = angles[n - 1 - k] - angles[n - 1] if is_falling else angles[k] - angles[0]
+        if offset < turn - _ONE_TURN:  # what a sweep sees a second time is left to the first
+            n_once += 1
+            around[n_once], reading[n_once] = offset, -1
+    for i in range(beam_idx.size):
+        k = n - 1 - beam_idx[i] if is_falling else beam_idx[i]
+        if k < n_once:
+            reading[k + 1] = i
+    around[0], reading[0] = around[n_once] - turn, reading[n_once]
+    around[n_once + 1], reading[n_once + 1] = around[1] + turn, reading[1]
+    low, high = (0, n_once + 1) if is_closed else (1, n_once)
+    reach = turn if is_closed else around[n_once] + _GAP_STEPS * step
     # a full circle has a whole number of slots, the last slot of an open sweep is what it does not see
-    density = (n_slots - (not is_closed)) / reach
-    around = offsets
-    if is_closed:
-        around = np.concatenate([offsets[-1:] - turn, offsets, offsets[:1] + turn])
-        reading = np.concatenate([reading[-1:], reading, reading[:1]])
-    slots = np.arange(n_slots) / density
-    after = np.clip(np.searchsorted(around, slots), 1, max(around.size - 1, 1))
-    nearest = np.where(slots - around[after - 1] <= around[after] - slots, after - 1, after)
-    table = np.where(np.abs(slots - around[nearest]) <= _GAP_STEPS * step, reading[nearest], -2)
-    if not is_closed:
-        table[-1] = -2
+    n_whole = int(min(math.ceil(_SLOTS_A_STEP * reach / step), _MAX_SLOTS))
+    density = n_whole / reach
+    table = np.full(n_whole if is_closed else n_whole + 1, -2)
+    after = min(low + 1, high)
+    for slot in range(n_whole):
+        place = slot / density
+        while after < high and around[after] < place:
+            after += 1
+        before = max(after - 1, low)
+        nearest = before if place - around[before] <= around[after] - place else after
+        if abs(place - around[nearest]) <= _GAP_STEPS * step:
+            table[slot] = reading[nearest]
     return table, density
 
 

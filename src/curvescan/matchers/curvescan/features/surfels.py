@@ -94,11 +94,11 @@ def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, fl
 
 
 @kernel
-def fit_lines(readings: Floats, bounds: Ints, arm: float, sigma_min: float) -> tuple[Floats, Floats, float]:
-    """Return the line around each reading, their moments, and the range noise of the sweep.
+def fit_lines(readings: Floats, bounds: Ints, arm: float, sigma_min: float) -> tuple[Floats, float]:
+    """Return (m, 8) the line around each reading, and the range noise of the sweep.
 
     The noise is a low quantile (two fifths, as clutter raises many) of the residual variances of all fits, taken
-    along the beams. fits (m, 8); sums (m + 1, 5).
+    along the beams.
     """
     m = readings.shape[0]
     sums = moments(readings)
@@ -136,7 +136,7 @@ def fit_lines(readings: Floats, bounds: Ints, arm: float, sigma_min: float) -> t
                 variances[n_fits] = variance * _RAISED[min(n, 64)] / cos2
                 n_fits += 1
     sigma = math.sqrt(low_quantile(variances[:n_fits]))
-    return fits, sums, max(sigma, sigma_min)
+    return fits, max(sigma, sigma_min)
 
 
 @kernel

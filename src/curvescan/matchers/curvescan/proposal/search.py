@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.config import NEAR, SAME, CurvescanConfig
-from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures, Landmarks
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.pose_difference import distance
-from curvescan.matchers.curvescan.prior import TOLD, Prior, tells
+from curvescan.matchers.curvescan.prior import Prior, tells
 from curvescan.matchers.curvescan.proposal.hypotheses import most_voted, pair_keypoints
 from curvescan.matchers.curvescan.proposal.rotation_hypotheses import (
     aligned_translations,
@@ -54,10 +53,8 @@ class Effort(NamedTuple):
     along_step: float  # of places along a corridor, metres
     n_along: int  # places to each side
     degenerate_ratio: float  # as in InformationConfig
-    # doubtful_score, guess_score: as in ScoringConfig
-    doubtful_score: float
-    guess_score: float
-    # with fewer poses than this to try, other ways are tried up to that score
+    doubtful_score: float  # as in ScoringConfig
+    # with fewer poses than this to try, or a close rival, other ways are tried up to that score
     few_tried: int
     certain_score: float
     # of rough, moved and closely refined poses: metres, and metres for each metre of range; how many of each are kept,
@@ -77,6 +74,9 @@ class Candidates(NamedTuple):
     n_tried: int  # poses that were verified
 
 
+NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
+
+
 def effort_of(config: CurvescanConfig) -> Effort:
     """Return how widely poses are looked for."""
     steps, scoring = config.hypotheses, config.scoring
@@ -91,7 +91,6 @@ def effort_of(config: CurvescanConfig) -> Effort:
         round(steps.along_reach / steps.along_step),
         config.information.degenerate_ratio,
         scoring.doubtful_score,
-        scoring.guess_score,
         _FEW_TRIED,
         _CERTAIN_SCORE,
         (*ROUGH, *MOVED_ALONG, *CLOSE),
@@ -100,70 +99,68 @@ def effort_of(config: CurvescanConfig) -> Effort:
     )
 
 
+def at_prior(problem: Problem, effort: Effort) -> tuple[Candidates, bool]:
+    """Return the pose of a prior that tells where it is, refined, and whether it may be right."""
+    ref, cur, prior, _ = problem
+    if not prior.is_told:
+        return NOTHING, False
+    poses, scores, is_likely = refine_guess(ref.image, cur.image, prior, effort)
+    return Candidates(poses, scores, len(poses)), is_likely
+
+
+def searched(problem: Problem, near: Candidates, effort: Effort) -> Candidates:
+    """Return what a search finds, and the pose of the prior, where the search has none beside it."""
+    ref, cur, prior, _ = problem
+    return Candidates(*search(ref.image, cur.image, ref.landmarks, cur.landmarks, prior, *near[:2], effort))
+
+
 @kernel
-def propose(ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, effort: Effort) -> tuple[Floats, Floats, int]:
-    """Return the fields of Candidates: the expected pose alone where it is to be trusted, else what a search finds.
+def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort) -> tuple[Floats, Floats, bool]:
+    """Return the pose of the prior, refined, and its score, none where no reading agrees.
 
-    And the expected pose, where the search has none beside it.
+    And whether it may be right: much agrees there, and the prior has it there.
     """
-    if math.log1p(prior.gain) <= TOLD:
-        return search(ref, cur, prior, effort)
-    near, near_scores = refine_guess(ref.image, cur.image, prior, effort)
-    if is_trusted(ref.image, cur.image, prior, near, near_scores, effort):
-        return near, near_scores, near_scores.size
-    poses, scores, n_tried = search(ref, cur, prior, effort)
-    for k in range(scores.size):
-        if near_scores.size == 0 or distance(near[0], poses[k]) < SAME:
-            return poses, scores, n_tried
-    with_near = np.empty(scores.size + near_scores.size)
-    for k in range(with_near.size):
-        with_near[k] = scores[k] if k < scores.size else near_scores[k - scores.size]
-    return stack(poses, near), with_near, n_tried + 1
-
-
-@inlined
-def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort) -> tuple[Floats, Floats]:
-    """Return the pose of the prior, refined, and its score; none where no reading agrees."""
     guess = np.empty((1, 3))
     for k in range(3):
         guess[0, k] = prior.pose[k]
     close, close_slope = effort.tolerances[-2:]
     refined, n_kept = refine(guess, ref, cur, effort.sigmas), len(guess)  # 1 that is no constant
-    return select(refined, ref, cur, close, close_slope, n_kept, effort.n_first[2], NEAR)
-
-
-@inlined
-def is_trusted(ref: RangeImage, cur: RangeImage, prior: Prior, near: Floats, scores: Floats, effort: Effort) -> bool:
-    """Return whether the refined pose of the prior is taken without a look at others.
-
-    It is when enough readings agree there, it lies where the prior has it, and both axes are fixed.
-    """
-    if scores.size == 0 or scores[0] <= effort.guess_score or not tells(prior, near):
-        return False
-    moved_along = degenerate_hypotheses(near, ref, cur, effort.along_step, len(near), effort.degenerate_ratio)
-    return bool(moved_along.shape[0] == 0)
+    near, scores = select(refined, ref, cur, close, close_slope, n_kept, effort.n_first[2], NEAR)
+    return near, scores, scores.size > 0 and scores[0] > effort.certain_score and tells(prior, near)
 
 
 @kernel
-def search(ref: CurvescanFeatures, cur: CurvescanFeatures, prior: Prior, effort: Effort) -> tuple[Floats, Floats, int]:
-    """Return the best poses of all that keypoints, directions of surfaces and the prior propose, and their scores.
+def search(
+    ref: RangeImage,
+    cur: RangeImage,
+    marks_ref: Landmarks,
+    marks_cur: Landmarks,
+    prior: Prior,
+    near: Floats,
+    near_scores: Floats,
+    effort: Effort,
+) -> tuple[Floats, Floats, int]:
+    """Return the fields of Candidates: the best poses that landmarks and the prior propose, and the `near` one.
 
     Where they find little support, and the best is not where the prior has it, the places where walls of both
-    scans coincide are tried as well. Last, how many were tried.
+    scans coincide are tried as well.
     """
-    rotated = rotation_hypotheses(ref.directions, cur.directions, effort.n_rotations, prior.pose)
-    pairs = pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, effort.min_turn, effort.max_pairs)
+    rotated = rotation_hypotheses(marks_ref.directions, marks_cur.directions, effort.n_rotations, prior.pose)
+    pairs = pair_keypoints(marks_ref.keypoints, marks_cur.keypoints, ref, cur, effort.min_turn, effort.max_pairs)
     tried = stack(rotated, most_voted(pairs, effort.cell, 0.5 * effort.cell, effort.max_tried))
-    poses, scores = explore(tried, ref.image, cur.image, effort)
+    poses, scores = explore(tried, ref, cur, effort)
     is_expected = scores.size > 0 and scores[0] > effort.doubtful_score and tells(prior, poses)
-    if is_expected or not is_doubtful(scores, tried.shape[0], effort):
-        return poses, scores, tried.shape[0]
-    aligned = aligned_translations(
-        rotated, ref.image.samples, cur.image.samples, _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED
-    )
-    tried = stack(poses, aligned)
-    poses, scores = explore(tried, ref.image, cur.image, effort)
-    return poses, scores, tried.shape[0]
+    if not is_expected and is_doubtful(scores, tried.shape[0], effort):
+        aligned = aligned_translations(rotated, ref.samples, cur.samples, _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED)
+        tried = stack(poses, aligned)
+        poses, scores = explore(tried, ref, cur, effort)
+    for k in range(scores.size):
+        if near_scores.size == 0 or distance(near[0], poses[k]) < SAME:
+            return poses, scores, tried.shape[0]
+    with_near = np.empty(scores.size + near_scores.size)
+    for k in range(with_near.size):
+        with_near[k] = scores[k] if k < scores.size else near_scores[k - scores.size]
+    return stack(poses, near), with_near, tried.shape[0] + near_scores.size
 
 
 @inlined
@@ -171,9 +168,8 @@ def is_doubtful(scores: Floats, n_tried: int, effort: Effort) -> bool:
     """Return whether the best pose finds little support, or middling with few poses or a close competing hypothesis."""
     if scores.size == 0 or scores[0] < effort.doubtful_score:
         return True
-    if n_tried < effort.few_tried and scores[0] < effort.certain_score:
-        return True
-    return bool(scores.size > 1 and scores[1] > CONTESTED * scores[0] and scores[0] < effort.guess_score)
+    has_rival = scores.size > 1 and scores[1] > CONTESTED * scores[0]
+    return bool(scores[0] < effort.certain_score and (n_tried < effort.few_tried or has_rival))
 
 
 @kernel
