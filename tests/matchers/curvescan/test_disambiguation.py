@@ -26,6 +26,7 @@ from curvescan.matchers.curvescan.disambiguation import (
 from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal.search import Candidates, Problem
 from curvescan.matchers.result import prior_of
+from curvescan.simulation import SENSORS, World, simulate
 from deceptive import deceptive_pairs
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair, weigh
@@ -166,3 +167,19 @@ def test_along_one_long_wall_other_places_are_looked_at_but_where_a_guess_says_w
     others = np.array([[0.4, 0.0, 0.0], [1.3, 0.0, 0.0], [0.4, 0.6, 0.0]])
     assert along_weakest_direction(others, known, False, walls, CONFIG) == [1]
     assert along_weakest_direction(others, known, False, None, CONFIG) == []
+
+
+def test_a_few_readings_through_a_door_fix_the_place_along_a_corridor():
+    """Two jambs and a piece of a wall, of 361 readings: next to no score, and a centimetre."""
+    walls = [[-20, 1, 20, 1], [-20, -1, 2, -1], [2, -1, 2, -1.1], [3.2, -1.1, 3.2, -1], [3.2, -1, 20, -1]]
+    room = [[3.8, -1.1, 3.8, -4], [1, -4, 3.8, -4]]
+    world = World(name="corridor with a door", walls=np.array([*walls, *room], dtype=float))
+    poses = np.array([[0.4, 0.0, 0.0], [0.56, 0.0, 0.0]])
+    slow = cs.UncertainPose(np.array([0.05, 0.0, 0.0]), np.diag([0.1, 0.1, 0.05]) ** 2)
+    found = []
+    for seed in range(8):
+        scans = simulate(world, sensor=SENSORS["sick-lms200"], seed=seed, n_people=0, poses=poses, odometry_noise=None)
+        found.append(cs.match(*scans, prior=slow))
+    known = [one for one in found if one.degenerate_direction is None]
+    assert len(known) >= 4
+    assert all(abs(one.pose[0] - 0.16) < 0.01 for one in known)
