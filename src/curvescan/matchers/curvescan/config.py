@@ -33,8 +33,8 @@ metres, and half of it in radians, two hypotheses."""
 SAME = 0.1
 """Metres, and half of it in radians, within which two refined poses are one."""
 
-AS_GOOD, AS_GOOD_IF_KNOWN = 0.93, 0.98
-"""A pose with this share of the best score is as good; the second where few readings fix the best to a centimetre."""
+AS_GOOD = 0.98
+"""A pose with this share of the best score is as good, where few readings, but sure ones, fix the best."""
 
 ARM = 0.12
 """Half the length of the shortest line through readings, metres: so wide is a wall as well."""
@@ -169,9 +169,9 @@ class InformationConfig:
     degenerate_sigma: float = 1.0
     """Standard deviation given to an open direction, metres at the typical reading."""
     degenerate_ratio: float = 0.1
-    """A direction of which less than this share of the next one's information is known is searched along, and tested
-    whether the scans agree as well some way along it. Below twice this share other poses along it are no rivals: the
-    covariance holds them, and the direction is named."""
+    """A direction of which less than this share of the next one's information is known is searched along, and is open
+    where the scans agree as well some way along it, or worse by this share at most if it is not known to a centimetre.
+    Below twice this share other poses along it are no rivals: the covariance holds them, and the direction is named."""
 
     def __post_init__(self) -> None:
         for name in ("max_sigma", "degenerate_sigma", "degenerate_ratio"):

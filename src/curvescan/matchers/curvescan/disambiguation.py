@@ -90,7 +90,7 @@ def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | Non
         weighed = replace(weighed, priors=priors, wide_priors=wide_priors)
     walls = direction_of_walls(ref, assessment) if weighed.is_one_way else None
     along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), walls, config)
-    least = assessment.as_good * weighed.scores[0]
+    least = assessment.as_good(config.information) * weighed.scores[0]
     is_flat = bool(is_degenerate[0]) or (
         assessment.is_weakly_observable(config.information) and any(weighed.scores[k] > least for k in along)
     )

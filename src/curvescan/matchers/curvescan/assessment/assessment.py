@@ -13,7 +13,6 @@ from curvescan.matchers.curvescan.assessment.information import covariance, info
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, static_segments
 from curvescan.matchers.curvescan.config import (
     AS_GOOD,
-    AS_GOOD_IF_KNOWN,
     LASER_ERROR,
     LIKELY_SIGMAS,
     CurvescanConfig,
@@ -54,10 +53,9 @@ class Assessment(NamedTuple):
         """Return whether one direction has much less information than the next."""
         return bool(self.information[0] < config.degenerate_ratio * self.information[1])
 
-    @property
-    def as_good(self) -> float:
-        """Share of the score from which on a place along the weakest direction is as good."""
-        return AS_GOOD_IF_KNOWN if self.information[0] > LASER_ERROR**-2 else AS_GOOD
+    def as_good(self, config: InformationConfig) -> float:
+        """Return the share of the score from which on a place along the weakest direction is as good."""
+        return AS_GOOD if self.information[0] > LASER_ERROR**-2 else 1.0 - config.degenerate_ratio
 
     def is_enough(self, config: ScoringConfig) -> bool:
         """Return whether so many readings agree that chance does not explain it."""
@@ -143,7 +141,7 @@ def degenerate_directions(
         offsets = rules.max_sigma * _DOUBLED
         here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *FINE)
         beside = best_beside(pose, assessment.weakest, offsets, *images, *FINE)
-        is_degenerate[0] = beside > assessment.as_good * here
+        is_degenerate[0] = beside > assessment.as_good(rules) * here
     return is_degenerate
 
 
