@@ -33,7 +33,7 @@ class OccupancyConfig:
         require(0.0 < self.miss < 0.5, "miss must lie between 0 and 0.5", self.miss)
         require(0.0 < self.lowest < 0.5, "lowest must lie between 0 and 0.5", self.lowest)
         require(0.5 < self.highest < 1.0, "highest must lie between 0.5 and 1", self.highest)
-        limits = f"above lowest ({self.lowest})", f"below highest ({self.highest})"
-        require(self.lowest < self.free_to <= 0.5, f"free_to must lie {limits[0]}, at most at 0.5", self.free_to)
-        is_right = 0.5 <= self.occupied_from < self.highest
-        require(is_right, f"occupied_from must be at least 0.5, {limits[1]}", self.occupied_from)
+        lowest, highest = f"lowest ({self.lowest})", f"highest ({self.highest})"
+        require(self.lowest < self.free_to <= 0.5, f"free_to must lie above {lowest}, 0.5 at most", self.free_to)
+        is_likely = 0.5 <= self.occupied_from < self.highest
+        require(is_likely, f"occupied_from must be 0.5 at least and lie below {highest}", self.occupied_from)
