@@ -7,12 +7,14 @@ clamped, so that the map follows a changing place.
 """
 
 import math
+import mmap
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from curvescan import se2
 from curvescan.configs import as_config
@@ -200,9 +202,16 @@ class OccupancyBuilder:
             low, high = roomy_low, roomy_high
         old = self._part(self._log_odds), self._part(self._marks)
         self._corner = low.astype(np.int64)
-        shape = tuple((high - low).astype(np.int64)[::-1].tolist())
-        self._log_odds, self._marks = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.uint8)
+        n_columns, n_rows = (high - low).astype(np.int64).tolist()
+        self._log_odds, self._marks = _zeros(n_rows, n_columns, np.float32), _zeros(n_rows, n_columns, np.uint8)
         self._part(self._log_odds)[:], self._part(self._marks)[:] = old
+
+
+def _zeros(n_rows: int, n_columns: int, dtype: DTypeLike) -> NDArray[Any]:
+    """Return zeros in small pages: NumPy's are of 2 MB, and take memory where a single one of their cells is written."""
+    options: dict[str, int] = {} if sys.platform == "win32" else {"flags": mmap.MAP_PRIVATE}
+    cells = mmap.mmap(-1, n_rows * n_columns * np.dtype(dtype).itemsize, **options)
+    return np.frombuffer(cells, dtype).reshape(n_rows, n_columns)
 
 
 def check_map_size(n_cells: Floats, resolution: float) -> None:

@@ -131,6 +131,7 @@ class OdometryProcess:
                 while (call := self._calls.get()) is not None:
                     requests.write(call)
                     requests.flush()
+                    del call  # it may be large
         except OSError as error:  # of the pipe, as the other one tells; or of the log
             self._put(self._sent, None if isinstance(error, BrokenPipeError) else error)
         except BaseException as error:  # noqa: BLE001  it is raised in the iteration
@@ -170,6 +171,10 @@ def serve() -> None:
         pickle.dump(odometry, replies, _PROTOCOL)
         replies.flush()
         while True:
-            function, args, kwargs = pickle.load(requests)
-            pickle.dump((function(*args, **kwargs),), replies, _PROTOCOL)
+            pickle.dump((_called(*pickle.load(requests)),), replies, _PROTOCOL)
             replies.flush()
+
+
+def _called(function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
+    """Return what a function does; its arguments, which may be large, go with this call."""
+    return function(*args, **kwargs)

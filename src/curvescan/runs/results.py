@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,16 +26,16 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps, build_maps
-from curvescan.odometry import Odometry, RunRecord, StepOutcome
+from curvescan.odometry import Odometry, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.odometry.step import IN_MAP
-from curvescan.plots.map import draw_graph, draw_map, draw_occupancy, draw_wheels
+from curvescan.plots.blocks import blocks_of, from_first
 from curvescan.runs.graph_files import describe_graph, write_closures, write_view_file
 from curvescan.runs.odometry_process import OdometryProcess
 from curvescan.slam import Localizer, Slam
+from curvescan.slam.loop_search import Beside
 from curvescan.slam.map import SlamMap
 from curvescan.slam.run import is_deskewed, odometry_of
-from curvescan.types import Pose
 
 if TYPE_CHECKING:
     from curvescan.runs.result import Run
@@ -46,7 +46,7 @@ RUN_RECORD = "run.json"
 def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -> RunMaps:
     """Write all results of a run into an existing folder, run.json last, and return its maps.
 
-    helper: a process that draws meanwhile the map and its graph.
+    helper: a process that draws meanwhile.
     """
     record, engine = run.record, run.engine
     write_tum(folder / "trajectory.tum", record.trajectory)
@@ -56,15 +56,21 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     title += f" (partial: interrupted, {len(run.log):,} scans in all)" * record.is_partial
     graph = engine.map if isinstance(engine, Slam) else None
     maps = run.maps or maps_of_run(run, cell=0.05)
+    beside: Beside = partial if helper is None else helper.call_after
     lean = dataclasses.replace(record, steps=()), dataclasses.replace(maps, grid=None)
-    drawn = (partial if helper is None else helper.call_after)(_draw, folder, *lean, title, run.truth, graph)
+    drawn = [beside(_draw, folder, "map", *lean, title=title, truth=run.truth)]
+    if graph is not None:
+        shown = dataclasses.replace(graph, scans=()), maps.standing
+        drawn.append(beside(_draw, folder, "graph", *shown, title=f"{title}: pose graph"))
     if maps.grid is not None:
-        write_map(folder, maps.grid)
         known = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
-        draw_occupancy(folder / "occupancy.png", maps.grid, known, title=f"{title}: occupancy")
+        cells = f"{title}: occupancy, cells of {maps.grid.resolution:g} m"
+        drawn.append(beside(_draw, folder, "occupancy", blocks_of(maps.grid), known, title=cells))
+        write_map(folder, maps.grid)
     if run.scans.odometry is not None and np.isfinite(run.scans.odometry.poses[:n, 0]).any():
+        poses = from_first(run.scans.odometry.poses[:n])
         wheels = f"{run.scans.name}: by wheel odometry alone"
-        draw_wheels(folder / "wheels.png", run.scans, run.scans.odometry.poses[:n], title=wheels)
+        drawn.append(beside(_draw, folder, "wheels", occupied_cells(run.scans, poses), poses, title=wheels))
     if isinstance(engine, Slam) and graph is not None:
         write_tum(folder / "trajectory_online.tum", record.online)
         slam_map = with_grid(graph, maps, run.occupancy)
@@ -82,7 +88,8 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
         )
     elif isinstance(engine, Odometry):
         write_view_file(folder, run.scans, n)
-    drawn()
+    for finish in drawn:
+        finish()
     write_record(folder, describe_run(run, maps))
     return maps
 
@@ -104,13 +111,11 @@ def with_grid(slam_map: SlamMap, maps: RunMaps, occupancy: OccupancyConfig) -> S
     return dataclasses.replace(slam_map, grid=grid)
 
 
-def _draw(
-    folder: Path, record: RunRecord, maps: RunMaps, title: str, truth: Pose | None, graph: SlamMap | None
-) -> None:
-    """Draw the map and its graph."""
-    draw_map(folder / "map.png", record, maps, title=title, truth=truth)
-    if graph is not None:
-        draw_graph(folder / "graph.png", graph, maps.standing, title=f"{title}: pose graph")
+def _draw(folder: Path, name: str, *args: Any, **options: Any) -> None:
+    """Draw one picture; Matplotlib loads in the process that draws."""
+    from curvescan.plots import map as pictures
+
+    getattr(pictures, f"draw_{name}")(folder / f"{name}.png", *args, **options)
 
 
 def describe_run(run: Run, maps: RunMaps) -> dict[str, object]:

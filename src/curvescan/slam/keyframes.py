@@ -25,7 +25,7 @@ _APART_M = 0.05
 _FLAT = 0.01
 """Variance of a wall across the direction, of that along it: of more it is none."""
 
-_N_PREPARED = 1000
+_N_PREPARED = 100
 """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
 
 _N_ROUNDS = 3
@@ -93,7 +93,7 @@ class Keyframes:
         number = self._all[k].number
         found = self._prepared.get(number)
         if found is None:
-            found = self.prepare(self._all[k].scan)
+            found = self.prepare(replace(self._all[k].scan))  # points and directions of a copy go with it
             self._prepared[number] = found
             if len(self._prepared) > _N_PREPARED:
                 self._prepared.popitem(last=False)
