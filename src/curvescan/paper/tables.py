@@ -14,9 +14,8 @@ from curvescan.mapping.occupied_cells import OccupiedCells, occupied_cells
 from curvescan.paper.experiments import ScenarioComparison
 from curvescan.paper.random_transform import SUCCESS, RandomTransformCondition, RandomTransformRuns, TransformResult
 from curvescan.paper.scenarios import ScenarioResult
-from curvescan.plots.blocks import from_first
 from curvescan.plots.colours import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, segment_colour
-from curvescan.plots.map import as_place, draw_side_by_side, draw_truth, drawing
+from curvescan.plots.map import as_place, draw_side_by_side, draw_truth, drawing, from_first
 from curvescan.runs.document import ResultTable
 from curvescan.types import Floats
 

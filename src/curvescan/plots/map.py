@@ -14,13 +14,13 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 
+from curvescan import se2
 from curvescan.io.files.lines import printable
 from curvescan.io.log import Log
-from curvescan.mapping.occupancy import OccupancyGrid
+from curvescan.mapping.occupancy import Blocks
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import RunRecord
-from curvescan.plots.blocks import Blocks, blocks_of, from_first
 from curvescan.plots.colours import DARK, FAILED, GREY, LIGHT, PAIRED, PATH, TRUTH, WHEELS
 from curvescan.slam.loops.closures import is_loop
 from curvescan.slam.map import SlamMap
@@ -124,6 +124,12 @@ def draw_wheels(path: Path, cells: Points, poses: Pose, *, title: str) -> None:
         axes.plot(*poses[:, :2].T, color=WHEELS, lw=1.0, label="wheel odometry")
 
 
+def from_first(poses: Pose) -> Pose:
+    """Return poses seen from the first one that is known."""
+    known = np.flatnonzero(~np.isnan(poses[:, 2]))
+    return se2.between(poses[known[0]], poses) if known.size else poses
+
+
 def draw_cells(axes: Axes, cells: Points, colour: str, label: str) -> None:
     """Draw (k, 2) cells of 0.05 m on the axes of a map."""
     # as large as a cell of 0.05 m on paper, but never too small to see
@@ -177,25 +183,18 @@ def plot_graph(slam_map: SlamMap, axes: Axes) -> None:
 
 _COLOURS = {"unknown": "#c4c7cc", "free": "#ffffff", "occupied": DARK}
 
-_SHARE = 0.8  # share of the pixels along the axes that blocks of cells may take: axes are smaller than their place
-
 
 def draw_occupancy(path: Path, blocks: Blocks, poses: Pose, *, title: str) -> None:
     """Save an occupancy map as a picture, and the path of its poses (n, 3)."""
-    with drawing_places(path, np.stack([blocks.low, blocks.high]), legend=4) as [axes]:
+    with drawing_places(path, blocks.corners, legend=4) as [axes]:
         as_place(axes, title)
-        draw_blocks(axes, blocks)
+        draw_grid(axes, blocks)
         axes.plot(*poses[:, :2].T, color=PATH, lw=0.7, label="path of the sensor")
 
 
-def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
-    """Draw the cells of an occupancy map of at least one cell on axes, whose limits become the map's."""
-    draw_blocks(axes, blocks_of(grid, int(_SHARE * max(axes.get_window_extent().size))))
-
-
-def draw_blocks(axes: Axes, blocks: Blocks) -> None:
-    """Draw blocks of cells on axes, whose limits become theirs."""
-    (left, bottom), (right, top) = blocks.low, blocks.high
+def draw_grid(axes: Axes, blocks: Blocks) -> None:
+    """Draw an occupancy map on axes, whose limits become the map's."""
+    (left, bottom), (right, top) = blocks.corners
     axes.grid(visible=False)
     axes.imshow(
         np.rint(255 * to_rgba_array(list(_COLOURS.values()))).astype(np.uint8)[

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from curvescan import se2
 from curvescan._version import __version__
 from curvescan.configs import as_plain
 from curvescan.io.ros.bags.bag_files import storage_files
@@ -29,7 +30,6 @@ from curvescan.mapping.run_maps import RunMaps, build_maps
 from curvescan.odometry import Odometry, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.odometry.step import IN_MAP
-from curvescan.plots.blocks import blocks_of, from_first
 from curvescan.runs.graph_files import describe_graph, write_closures, write_view_file
 from curvescan.runs.odometry_process import OdometryProcess
 from curvescan.slam import Localizer, Slam
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from curvescan.runs.result import Run
 
 RUN_RECORD = "run.json"
+_N_BLOCKS = 700  # of cells along a picture of the occupancy map, at most: pixels
 
 
 def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -> RunMaps:
@@ -55,22 +56,23 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     title = ", ".join(filter(None, (f"{run.log.name}: {n:,} scans", record.method, what)))
     title += f" (partial: interrupted, {len(run.log):,} scans in all)" * record.is_partial
     graph = engine.map if isinstance(engine, Slam) else None
-    maps = run.maps or maps_of_run(run, cell=0.05)
     beside: Beside = partial if helper is None else helper.call_after
+    drawn, wheels = [], run.scans.odometry
+    if wheels is not None and (known := np.flatnonzero(np.isfinite(wheels.poses[:n, 0]))).size:
+        poses = se2.between(wheels.poses[known[0]], wheels.poses[:n])
+        cells, about = occupied_cells(run.scans, poses), f"{run.scans.name}: by wheel odometry alone"
+        drawn.append(beside(_draw, folder, "wheels", cells, poses, title=about))
+    maps = run.maps or maps_of_run(run, cell=0.05)
     lean = dataclasses.replace(record, steps=()), dataclasses.replace(maps, grid=None)
-    drawn = [beside(_draw, folder, "map", *lean, title=title, truth=run.truth)]
+    drawn.append(beside(_draw, folder, "map", *lean, title=title, truth=run.truth))
     if graph is not None:
         shown = dataclasses.replace(graph, scans=()), maps.standing
         drawn.append(beside(_draw, folder, "graph", *shown, title=f"{title}: pose graph"))
     if maps.grid is not None:
-        known = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
-        cells = f"{title}: occupancy, cells of {maps.grid.resolution:g} m"
-        drawn.append(beside(_draw, folder, "occupancy", blocks_of(maps.grid), known, title=cells))
+        poses = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
+        about = f"{title}: occupancy, cells of {maps.grid.resolution:g} m"
+        drawn.append(beside(_draw, folder, "occupancy", maps.grid.blocks(_N_BLOCKS), poses, title=about))
         write_map(folder, maps.grid)
-    if run.scans.odometry is not None and np.isfinite(run.scans.odometry.poses[:n, 0]).any():
-        poses = from_first(run.scans.odometry.poses[:n])
-        wheels = f"{run.scans.name}: by wheel odometry alone"
-        drawn.append(beside(_draw, folder, "wheels", occupied_cells(run.scans, poses), poses, title=wheels))
     if isinstance(engine, Slam) and graph is not None:
         write_tum(folder / "trajectory_online.tum", record.online)
         slam_map = with_grid(graph, maps, run.occupancy)
@@ -100,8 +102,9 @@ def maps_of_run(run: Run, *, cell: float | None) -> RunMaps:
     if isinstance(engine, Localizer):
         return RunMaps(standing=engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
     seen = deskewed_along(run.scans, record.trajectory) if is_deskewed(engine) else run.scans
-    keyframes = engine.map if isinstance(engine, Slam) else None
-    about = occupied_cells(keyframes.scans, keyframes.poses, 1.0) if keyframes else None
+    about = None
+    if isinstance(engine, Slam):
+        about = occupied_cells([keyframe.scan for keyframe in engine.keyframes], engine.graph.poses, 1.0)
     return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=run.occupancy, about=about)
 
 
