@@ -142,7 +142,9 @@ def degenerate_directions(
         here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *FINE)
         beside = best_beside(pose, assessment.weakest, offsets, *images, *FINE)
         is_degenerate[0] = beside > assessment.as_good(rules) * here
-    return is_degenerate
+        is_doubtful = beside > (1.0 - rules.degenerate_ratio) * here
+        return is_degenerate, is_doubtful
+    return is_degenerate, False
 
 
 def without_dynamic(
