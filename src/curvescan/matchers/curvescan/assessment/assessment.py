@@ -129,22 +129,21 @@ def assess(
 
 def degenerate_directions(
     ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, assessment: Assessment, config: CurvescanConfig
-) -> Bools:
-    """Return (3,) which principal directions the scans leave open, the least informed first.
+) -> tuple[Bools, bool]:
+    """Return (3,) which principal directions the scans leave open, the least informed first; whether one nearly is.
 
     A direction is degenerate when its information does not exceed the spurious information of tilted lines, or is next
-    to nothing; and the least informed, if it is weak, also when the scans agree as well some way along it.
+    to nothing; and the least informed, if it is weak, also when the scans agree as well some way along it. Where they
+    agree nearly as well, few readings fix the pose, and chance may.
     """
     rules, images = config.information, (ref.image, cur.image)
-    is_degenerate = assessment.is_open.copy()
+    is_degenerate, here, beside = assessment.is_open.copy(), 1.0, 0.0
     if assessment.is_weakly_observable(rules) and not is_degenerate[0]:
         offsets = rules.max_sigma * _DOUBLED
         here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *FINE)
         beside = best_beside(pose, assessment.weakest, offsets, *images, *FINE)
         is_degenerate[0] = beside > assessment.as_good(rules) * here
-        is_doubtful = beside > (1.0 - rules.degenerate_ratio) * here
-        return is_degenerate, is_doubtful
-    return is_degenerate, False
+    return is_degenerate, beside > (1.0 - rules.degenerate_ratio) * here
 
 
 def without_dynamic(
