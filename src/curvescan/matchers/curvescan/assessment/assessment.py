@@ -133,11 +133,10 @@ def degenerate_directions(
     """Return (3,) which principal directions the scans leave open, the least informed first; whether one nearly is.
 
     A direction is degenerate when its information does not exceed the spurious information of tilted lines, or is next
-    to nothing; and the least informed, if it is weak, also when the scans agree as well some way along it. Where they
-    agree nearly as well, few readings fix the pose, and chance may.
+    to nothing; and the least informed, if it is weak, also when the scans agree as well some way along it.
     """
-    rules, images = config.information, (ref.image, cur.image)
-    is_degenerate, here, beside = assessment.is_open.copy(), 1.0, 0.0
+    rules, images, is_degenerate = config.information, (ref.image, cur.image), assessment.is_open.copy()
+    here, beside = 1.0, 0.0  # scores
     if assessment.is_weakly_observable(rules) and not is_degenerate[0]:
         offsets = rules.max_sigma * _DOUBLED
         here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *FINE)
