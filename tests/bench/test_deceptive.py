@@ -14,7 +14,7 @@ DECEIVED = ("company",)
 # of 30 pairs of one seed, as measured; of others none. The shares of more pairs: docs/design-notes/confidence.md
 MOST_DECEIVED = {
     "turned away, office": 2,
-    "turned away, doors": 6,
+    "turned away, doors": 5,
     "small room": 1,
     "elevator": 1,
     "elevator, 180 deg": 1,

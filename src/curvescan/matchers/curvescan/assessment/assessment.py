@@ -129,20 +129,20 @@ def assess(
 
 def degenerate_directions(
     ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, assessment: Assessment, config: CurvescanConfig
-) -> Bools:
-    """Return (3,) which principal directions the scans leave open, the least informed first.
+) -> tuple[Bools, bool]:
+    """Return (3,) which principal directions the scans leave open, the least informed first; whether one nearly is.
 
     A direction is degenerate when its information does not exceed the spurious information of tilted lines, or is next
     to nothing; and the least informed, if it is weak, also when the scans agree as well some way along it.
     """
-    rules, images = config.information, (ref.image, cur.image)
-    is_degenerate = assessment.is_open.copy()
+    rules, images, is_degenerate = config.information, (ref.image, cur.image), assessment.is_open.copy()
+    here, beside = 1.0, 0.0  # scores
     if assessment.is_weakly_observable(rules) and not is_degenerate[0]:
         offsets = rules.max_sigma * _DOUBLED
         here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *FINE)
         beside = best_beside(pose, assessment.weakest, offsets, *images, *FINE)
         is_degenerate[0] = beside > assessment.as_good(rules) * here
-    return is_degenerate
+    return is_degenerate, beside > (1.0 - rules.degenerate_ratio) * here
 
 
 def without_dynamic(
