@@ -97,7 +97,7 @@ def test_while_the_command_is_imported(log, tmp_path, number, name):
 PLACES = {
     "reading": ("curvescan.io.arrays.npz", "open_npz"),
     "map": ("curvescan.runs.results", "build_maps"),
-    "picture": ("curvescan.runs.results", "draw_map"),
+    "picture": ("curvescan.plots.map", "draw_map"),
 }
 
 

@@ -1,6 +1,7 @@
 """The entry point: sees to it that Ctrl-C ends in a sentence, from the first import on, and runs the command line."""
 
 import atexit
+import ctypes
 import gc
 import os
 import sys
@@ -26,6 +27,8 @@ def main() -> None:
 def run(arguments: list[str]) -> int:
     """Return the exit status of a command line; see :mod:`curvescan.cli.command_line`."""
     gc.set_threshold(50_000)  # at 700 a twentieth of the imports goes into looking for garbage
+    with suppress(AttributeError, TypeError):  # M_MMAP_THRESHOLD: else glibc keeps what was freed, up to 32 MB a piece
+        ctypes.CDLL(None).mallopt(-3, 1 << 20)
     # imported late: it takes a good part of a second, in which Ctrl-C may come
     from curvescan.cli import command_line
 

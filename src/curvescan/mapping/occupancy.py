@@ -7,12 +7,14 @@ clamped, so that the map follows a changing place.
 """
 
 import math
+import mmap
+import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from curvescan import se2
 from curvescan.configs import as_config
@@ -82,6 +84,24 @@ class OccupancyGrid:
         """(k, 2) centres of the occupied cells, metres, frame of the poses."""
         rows, columns = np.nonzero(self.is_occupied)
         return self.origin + self.resolution * (np.column_stack([columns, rows]) + 0.5)
+
+    def blocks(self, n_most: int) -> "Blocks":
+        """Return a map of at least one cell in so many rows and columns of blocks, at most, for a picture."""
+        n_rows, n_columns = self.log_odds.shape
+        n = -(-max(n_rows, n_columns) // max(n_most, 1))
+        columns = np.arange(0, n_columns, n)
+        ranks = np.empty((-(-n_rows // n), columns.size), dtype=np.uint8)
+        for k in range(len(ranks)):  # a strip at a time: the map is large
+            strip = replace(self, log_odds=self.log_odds[k * n : (k + 1) * n])
+            ranks[k] = np.maximum.reduceat(np.maximum(strip.is_free, 2 * strip.is_occupied).max(axis=0), columns)
+        return Blocks(ranks, self.origin + np.outer((0.0, n * self.resolution), ranks.shape[::-1]))
+
+
+class Blocks(NamedTuple):
+    """An occupancy map in blocks of cells."""
+
+    ranks: NDArray[np.uint8]  # (n_rows, n_columns): 0 unknown, 1 free, 2 occupied, as its darkest cell
+    corners: Points  # (2, 2): left and bottom, right and top, metres
 
 
 class OccupancyBuilder:
@@ -201,8 +221,15 @@ class OccupancyBuilder:
         old = self._part(self._log_odds), self._part(self._marks)
         self._corner = low.astype(np.int64)
         shape = tuple((high - low).astype(np.int64)[::-1].tolist())
-        self._log_odds, self._marks = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.uint8)
+        self._log_odds, self._marks = _zeros(shape, np.float32), _zeros(shape, np.uint8)
         self._part(self._log_odds)[:], self._part(self._marks)[:] = old
+
+
+def _zeros(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """Return zeros in small pages: NumPy's are of 2 MB, and take memory where one of their cells is written."""
+    is_private: dict[str, int] = {} if sys.platform == "win32" else {"flags": mmap.MAP_PRIVATE}
+    cells = mmap.mmap(-1, math.prod(shape) * np.dtype(dtype).itemsize, **is_private)
+    return np.frombuffer(cells, dtype).reshape(shape)
 
 
 def check_map_size(n_cells: Floats, resolution: float) -> None:

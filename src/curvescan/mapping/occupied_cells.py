@@ -10,7 +10,7 @@ from curvescan.errors import require
 from curvescan.scan import LaserScan
 from curvescan.types import Ints, Points, Pose
 
-_BATCH = 500_000  # points gathered before they are merged into cells, so that memory follows the area and not the log
+_BATCH = 200_000  # points gathered before they are merged into cells, so that memory follows the area and not the log
 
 _HALF = 2**31
 

@@ -3,7 +3,6 @@
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +13,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from curvescan import se2
 from curvescan.io.files.lines import printable
 from curvescan.io.log import Log
-from curvescan.mapping.occupancy import OccupancyGrid
+from curvescan.mapping.occupancy import Blocks
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import RunRecord
@@ -118,10 +116,8 @@ def draw_map(path: Path, run: RunRecord, place: RunMaps, *, title: str, truth: P
         mark_ends(axes, known)
 
 
-def draw_wheels(path: Path, log: Log, poses: Pose, *, title: str) -> None:
-    """Save the map that a log's wheel odometry alone, poses (n, 3), makes of its scans."""
-    poses = from_first(poses)
-    cells = occupied_cells(log, poses)
+def draw_wheels(path: Path, cells: Points, poses: Pose, *, title: str) -> None:
+    """Save the map, (k, 2) cells, that a log's wheel odometry alone, poses (n, 3), makes of its scans."""
     with drawing_places(path, np.concatenate([cells, poses[:, :2]]), legend=2) as [axes]:
         as_place(axes, title)
         draw_cells(axes, cells, DARK, "map from wheel odometry")
@@ -186,29 +182,24 @@ def plot_graph(slam_map: SlamMap, axes: Axes) -> None:
 
 
 _COLOURS = {"unknown": "#c4c7cc", "free": "#ffffff", "occupied": DARK}
-"""From what gives way to what shows, where many cells are drawn as one."""
-
-_SHARE = 0.8  # share of the pixels along the axes that blocks of cells may take: axes are smaller than their place
 
 
-def draw_occupancy(path: Path, grid: OccupancyGrid, poses: Pose, *, title: str) -> None:
+def draw_occupancy(path: Path, blocks: Blocks, poses: Pose, *, title: str) -> None:
     """Save an occupancy map as a picture, and the path of its poses (n, 3)."""
-    low = grid.origin
-    high = low + grid.resolution * np.array(grid.log_odds.shape[::-1])
-    with drawing_places(path, np.stack([low, high]), legend=4) as [axes]:
-        as_place(axes, f"{title}, cells of {grid.resolution:g} m")
-        draw_grid(axes, grid)
+    with drawing_places(path, blocks.corners, legend=4) as [axes]:
+        as_place(axes, title)
+        draw_grid(axes, blocks)
         axes.plot(*poses[:, :2].T, color=PATH, lw=0.7, label="path of the sensor")
 
 
-def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
-    """Draw the cells of an occupancy map of at least one cell on axes, whose limits become the map's."""
-    ranks, side = _merged_ranks(grid, int(_SHARE * max(axes.get_window_extent().size)))
-    left, bottom = grid.origin
-    right, top = grid.origin + side * np.array(ranks.shape[::-1])
+def draw_grid(axes: Axes, blocks: Blocks) -> None:
+    """Draw an occupancy map on axes, whose limits become the map's."""
+    (left, bottom), (right, top) = blocks.corners
     axes.grid(visible=False)
     axes.imshow(
-        np.rint(255 * to_rgba_array(list(_COLOURS.values()))).astype(np.uint8)[ranks],  # a colour map takes 60 MB more
+        np.rint(255 * to_rgba_array(list(_COLOURS.values()))).astype(np.uint8)[
+            blocks.ranks
+        ],  # a colour map: 60 MB more
         extent=(left, right, bottom, top),
         origin="lower",
         interpolation="nearest",  # a block is a pixel or more: none is left out
@@ -216,15 +207,3 @@ def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
     axes.set(xlim=(left, right), ylim=(bottom, top))
     for label, colour in _COLOURS.items():
         axes.plot([], [], "s", color=colour, mec="black", mew=0.4, ms=6, label=label)
-
-
-def _merged_ranks(grid: OccupancyGrid, n_pixels: int) -> tuple[NDArray[np.uint8], float]:
-    """Return blocks of cells, 0 unknown, 1 free, 2 occupied as its darkest cell, and a block's side in metres."""
-    n_rows, n_columns = grid.log_odds.shape
-    n = -(-max(n_rows, n_columns) // max(n_pixels, 1))
-    columns = np.arange(0, n_columns, n)
-    ranks = np.empty((-(-n_rows // n), columns.size), dtype=np.uint8)
-    for k in range(len(ranks)):  # a strip at a time: the map is large
-        strip = replace(grid, log_odds=grid.log_odds[k * n : (k + 1) * n])
-        ranks[k] = np.maximum.reduceat(np.maximum(strip.is_free, 2 * strip.is_occupied).max(axis=0), columns)
-    return ranks, n * grid.resolution

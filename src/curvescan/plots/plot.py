@@ -33,6 +33,7 @@ __all__ = ["map", "match", "trajectory"]
 _Path: TypeAlias = str | os.PathLike[str]
 _TITLE = 45  # columns of a title, as a subplot takes it
 _N_ELLIPSES = 12
+_SHARE = 0.8  # of the pixels along the axes that blocks of cells may take: axes are smaller than their place
 _SIGMAS = 3.0
 _ELLIPSE = 64  # corners of its polygon
 
@@ -166,7 +167,7 @@ def map(  # noqa: A001 - its name in the public contract
         raise InvalidArgumentError("the map has no cell: no scan with a valid reading was entered")
     axes = _axes(ax)
     as_place(axes)
-    draw_grid(axes, grid)
+    draw_grid(axes, grid.blocks(int(_SHARE * max(axes.get_window_extent().size))))
     if trajectory is not None:
         poses = _poses(trajectory)[0]
         axes.plot(*poses[:, :2].T, color=PATH, lw=0.8, label="path of the sensor")

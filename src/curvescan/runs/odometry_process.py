@@ -11,6 +11,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from functools import partial
 from itertools import islice
 from queue import Full, Queue
 from typing import Any
@@ -21,7 +22,7 @@ from curvescan.odometry.run import PlacedScan, in_turn, placed, pose_at, without
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
-_ENVIRONMENT = {"OMP_NUM_THREADS": "1"}
+_ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MALLOC_MMAP_THRESHOLD_": "1048576"}  # as cli.main has it
 _BATCH = 32  # scans sent at once
 _AHEAD = 32  # batches that the odometry may be ahead, so that memory does not grow with the log
 _LOOK_S = 0.2  # time after which a thread that waits looks whether it is still wanted, seconds
@@ -100,15 +101,15 @@ class OdometryProcess:
 
         Ask for results in the order of the calls. Where the process cannot call the function, this process does.
         """
-        call = None  # ends the process
+        call, sent = partial(function, *args, **kwargs), None  # None ends the process
         with suppress(Exception):  # what cannot be sent; here, where nothing changes the arguments meanwhile
-            call = pickle.dumps((function, args, kwargs), _PROTOCOL)
-        self._calls.put(call)
+            sent = pickle.dumps(call, _PROTOCOL)
+        self._calls.put(sent)
 
         def result() -> Any:
             reply = self._heard.get() if self._is_placed else None
             self._is_placed = reply is not None
-            return function(*args, **kwargs) if reply is None else reply[0]
+            return call() if reply is None else reply[0]
 
         return result
 
@@ -131,6 +132,7 @@ class OdometryProcess:
                 while (call := self._calls.get()) is not None:
                     requests.write(call)
                     requests.flush()
+                    del call  # it may be large
         except OSError as error:  # of the pipe, as the other one tells; or of the log
             self._put(self._sent, None if isinstance(error, BrokenPipeError) else error)
         except BaseException as error:  # noqa: BLE001  it is raised in the iteration
@@ -170,6 +172,5 @@ def serve() -> None:
         pickle.dump(odometry, replies, _PROTOCOL)
         replies.flush()
         while True:
-            function, args, kwargs = pickle.load(requests)
-            pickle.dump((function(*args, **kwargs),), replies, _PROTOCOL)
+            pickle.dump((pickle.load(requests)(),), replies, _PROTOCOL)
             replies.flush()

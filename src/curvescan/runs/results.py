@@ -12,10 +12,11 @@ from collections.abc import Mapping
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from curvescan import se2
 from curvescan._version import __version__
 from curvescan.configs import as_plain
 from curvescan.io.ros.bags.bag_files import storage_files
@@ -26,27 +27,27 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps, build_maps
-from curvescan.odometry import Odometry, RunRecord, StepOutcome
+from curvescan.odometry import Odometry, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.odometry.step import IN_MAP
-from curvescan.plots.map import draw_graph, draw_map, draw_occupancy, draw_wheels
 from curvescan.runs.graph_files import describe_graph, write_closures, write_view_file
 from curvescan.runs.odometry_process import OdometryProcess
 from curvescan.slam import Localizer, Slam
+from curvescan.slam.loop_search import Beside
 from curvescan.slam.map import SlamMap
 from curvescan.slam.run import is_deskewed, odometry_of
-from curvescan.types import Pose
 
 if TYPE_CHECKING:
     from curvescan.runs.result import Run
 
 RUN_RECORD = "run.json"
+_N_BLOCKS = 700  # of cells along a picture of the occupancy map, at most: pixels
 
 
 def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -> RunMaps:
     """Write all results of a run into an existing folder, run.json last, and return its maps.
 
-    helper: a process that draws meanwhile the map and its graph.
+    helper: a process that draws meanwhile.
     """
     record, engine = run.record, run.engine
     write_tum(folder / "trajectory.tum", record.trajectory)
@@ -55,16 +56,23 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     title = ", ".join(filter(None, (f"{run.log.name}: {n:,} scans", record.method, what)))
     title += f" (partial: interrupted, {len(run.log):,} scans in all)" * record.is_partial
     graph = engine.map if isinstance(engine, Slam) else None
+    beside: Beside = partial if helper is None else helper.call_after
+    drawn, wheels = [], run.scans.odometry
+    if wheels is not None and (known := np.flatnonzero(np.isfinite(wheels.poses[:n, 0]))).size:
+        poses = se2.between(wheels.poses[known[0]], wheels.poses[:n])
+        cells, about = occupied_cells(run.scans, poses), f"{run.scans.name}: by wheel odometry alone"
+        drawn.append(beside(_draw, folder, "wheels", cells, poses, title=about))
     maps = run.maps or maps_of_run(run, cell=0.05)
     lean = dataclasses.replace(record, steps=()), dataclasses.replace(maps, grid=None)
-    drawn = (partial if helper is None else helper.call_after)(_draw, folder, *lean, title, run.truth, graph)
+    drawn.append(beside(_draw, folder, "map", *lean, title=title, truth=run.truth))
+    if graph is not None:
+        shown = dataclasses.replace(graph, scans=()), maps.standing
+        drawn.append(beside(_draw, folder, "graph", *shown, title=f"{title}: pose graph"))
     if maps.grid is not None:
+        poses = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
+        about = f"{title}: occupancy, cells of {maps.grid.resolution:g} m"
+        drawn.append(beside(_draw, folder, "occupancy", maps.grid.blocks(_N_BLOCKS), poses, title=about))
         write_map(folder, maps.grid)
-        known = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
-        draw_occupancy(folder / "occupancy.png", maps.grid, known, title=f"{title}: occupancy")
-    if run.scans.odometry is not None and np.isfinite(run.scans.odometry.poses[:n, 0]).any():
-        wheels = f"{run.scans.name}: by wheel odometry alone"
-        draw_wheels(folder / "wheels.png", run.scans, run.scans.odometry.poses[:n], title=wheels)
     if isinstance(engine, Slam) and graph is not None:
         write_tum(folder / "trajectory_online.tum", record.online)
         slam_map = with_grid(graph, maps, run.occupancy)
@@ -82,7 +90,8 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
         )
     elif isinstance(engine, Odometry):
         write_view_file(folder, run.scans, n)
-    drawn()
+    for finish in drawn:
+        finish()
     write_record(folder, describe_run(run, maps))
     return maps
 
@@ -93,8 +102,9 @@ def maps_of_run(run: Run, *, cell: float | None) -> RunMaps:
     if isinstance(engine, Localizer):
         return RunMaps(standing=engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
     seen = deskewed_along(run.scans, record.trajectory) if is_deskewed(engine) else run.scans
-    keyframes = engine.map if isinstance(engine, Slam) else None
-    about = occupied_cells(keyframes.scans, keyframes.poses, 1.0) if keyframes else None
+    about = None
+    if isinstance(engine, Slam):
+        about = occupied_cells([keyframe.scan for keyframe in engine.keyframes], engine.graph.poses, 1.0)
     return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=run.occupancy, about=about)
 
 
@@ -104,13 +114,11 @@ def with_grid(slam_map: SlamMap, maps: RunMaps, occupancy: OccupancyConfig) -> S
     return dataclasses.replace(slam_map, grid=grid)
 
 
-def _draw(
-    folder: Path, record: RunRecord, maps: RunMaps, title: str, truth: Pose | None, graph: SlamMap | None
-) -> None:
-    """Draw the map and its graph."""
-    draw_map(folder / "map.png", record, maps, title=title, truth=truth)
-    if graph is not None:
-        draw_graph(folder / "graph.png", graph, maps.standing, title=f"{title}: pose graph")
+def _draw(folder: Path, name: str, *args: Any, **options: Any) -> None:
+    """Draw one picture; Matplotlib loads in the process that draws."""
+    from curvescan.plots import map as pictures
+
+    getattr(pictures, f"draw_{name}")(folder / f"{name}.png", *args, **options)
 
 
 def describe_run(run: Run, maps: RunMaps) -> dict[str, object]:

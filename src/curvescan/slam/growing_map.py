@@ -195,11 +195,10 @@ class GrowingMap:
 
     def snapshot(self) -> SlamMap:
         """Return the map as it is now."""
-        everyone = [self.keyframes[k] for k in range(len(self.keyframes))]
         return SlamMap(
-            scans=tuple(keyframe.scan for keyframe in everyone),
+            scans=tuple(keyframe.scan for keyframe in self.keyframes),
             covariances=self.covariances(),
-            indices=np.array([keyframe.index for keyframe in everyone], dtype=np.int64),
-            sessions=np.array([keyframe.session for keyframe in everyone], dtype=np.int64),
+            indices=np.array([keyframe.index for keyframe in self.keyframes], dtype=np.int64),
+            sessions=np.array([keyframe.session for keyframe in self.keyframes], dtype=np.int64),
             **self.graph.arrays(),
         )

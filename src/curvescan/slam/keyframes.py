@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import OrderedDict
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +26,7 @@ _APART_M = 0.05
 _FLAT = 0.01
 """Variance of a wall across the direction, of that along it: of more it is none."""
 
-_N_PREPARED = 1000
+_N_PREPARED = 100
 """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
 
 _N_ROUNDS = 3
@@ -62,6 +63,9 @@ class Keyframes:
     def __getitem__(self, k: int) -> Keyframe:
         return self._all[k]
 
+    def __iter__(self) -> Iterator[Keyframe]:
+        return iter(self._all)
+
     def add(self, scan: LaserScan, index: int, session: int = 0) -> int:
         """Append a keyframe and return its row."""
         keyframe = Keyframe(scan=compact(scan), index=index, session=session, number=next(self._numbers))
@@ -90,15 +94,12 @@ class Keyframes:
 
     def prepared(self, k: int) -> PreparedScan:
         """Return a keyframe ready to be matched."""
-        number = self._all[k].number
-        found = self._prepared.get(number)
-        if found is None:
-            found = self.prepare(self._all[k].scan)
-            self._prepared[number] = found
-            if len(self._prepared) > _N_PREPARED:
-                self._prepared.popitem(last=False)
-        else:
-            self._prepared.move_to_end(number)
+        keyframe = self._all[k]
+        # points and directions of a copy of the scan go with it
+        found = self._prepared.pop(keyframe.number, None) or self.prepare(replace(keyframe.scan))
+        self._prepared[keyframe.number] = found
+        if len(self._prepared) > _N_PREPARED:
+            self._prepared.popitem(last=False)
         return found
 
     def match(self, i: int, current: PreparedScan, prior: UncertainPose | None) -> MatchResult:
