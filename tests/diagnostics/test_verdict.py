@@ -91,7 +91,7 @@ def test_parts_of_the_map_count_and_not_what_was_lost_on_the_way():
         ("slam", 900.0, 70.0, 0.7),
     ],
 )
-def test_an_odometry_may_be_uncertain_by_a_share_of_its_path_and_a_map_of_its_size(engine, path, extent, most):
+def test_an_odometry_is_judged_by_its_path_and_a_map_by_its_size(engine, path, extent, most):
     figures = {"engine": engine, "path": path, "extent": extent}
     assert verdict_of(evidence(**figures, sigma=0.99 * most)).is_trusted
     assert "uncertain by up to" in reason(**figures, sigma=1.01 * most)
