@@ -151,7 +151,7 @@ def drives(n: int, n_scans: int = N_SCANS, first: int = 0) -> Iterator[Drive]:
 
 
 def worst_error(poses: Pose, truth: Pose) -> tuple[float, float]:
-    """Return the largest error of a position, the paths laid over each other, and the length of the true one, metres."""
+    """Return the largest error of a position, the paths laid over each other, and the size of the place, metres."""
     known = np.isfinite(truth).all(axis=1) & np.isfinite(poses).all(axis=1)
     if not np.isfinite(truth).all() or not known.any():
         return np.inf, 0.0  # two places that nothing joins cannot be one map
@@ -160,27 +160,26 @@ def worst_error(poses: Pose, truth: Pose) -> tuple[float, float]:
     h = centred[0].T @ centred[1]
     turn = np.arctan2(h[0, 1] - h[1, 0], h[0, 0] + h[1, 1])
     moved = se2.transform(np.array([0.0, 0.0, turn]), centred[0])
-    length = float(np.sum(np.hypot(*np.diff(b, axis=0).T)))
-    return float(np.hypot(*(moved - centred[1]).T).max()), length
+    return float(np.hypot(*(moved - centred[1]).T).max()), float(np.hypot(*np.ptp(b, axis=0)))
 
 
-def is_wrong(error: float, length: float) -> bool:
+def is_wrong(error: float, extent: float) -> bool:
     """Return whether a trajectory is farther from the truth than a trusted one may be."""
-    return error > SIGMAS * max(MAX_SIGMA, MAX_SIGMA_SHARE * length)
+    return error > SIGMAS * max(MAX_SIGMA, MAX_SIGMA_SHARE * extent)
 
 
 def judged(n: int, n_scans: int = N_SCANS, first: int = 0) -> Iterator[tuple[str, float, bool | None, bool, str]]:
     """Yield name, worst error, whether it is wrong (None: unclear), whether it is trusted, and why not, of each drive."""
     for drive in drives(n, n_scans, first):
         run = cs.run(drive.log, "slam", keeps_steps=False)
-        error, length = worst_error(run.trajectory.poses, drive.truth)
-        wrong = None if is_unclear(error, length) else is_wrong(error, length)
+        error, extent = worst_error(run.trajectory.poses, drive.truth)
+        wrong = None if is_unclear(error, extent) else is_wrong(error, extent)
         yield drive.name, error, wrong, run.verdict.is_trusted, "; ".join(run.verdict.reasons)
 
 
-def is_unclear(error: float, length: float) -> bool:
+def is_unclear(error: float, extent: float) -> bool:
     """Return whether a trajectory is neither right nor wrong: an alarm is none that cries wolf, and trust does no harm."""
-    return not is_wrong(error, length) and is_wrong(SIGMAS * error, length)
+    return not is_wrong(error, extent) and is_wrong(SIGMAS * error, extent)
 
 
 def count(rows: list[tuple[bool, bool]]) -> str:

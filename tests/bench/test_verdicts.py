@@ -11,9 +11,9 @@ def test_the_error_is_that_of_paths_laid_over_each_other():
     rng = np.random.default_rng(1)
     truth = np.column_stack([np.cumsum(rng.normal(0.1, 0.05, (50, 2)), axis=0), np.zeros(50)])
     moved = se2.compose(np.array([3.0, -2.0, 1.0]), truth)
-    error, length = worst_error(moved, truth)
+    error, extent = worst_error(moved, truth)
     assert error < 1e-9
-    assert length == pytest.approx(np.sum(np.hypot(*np.diff(truth[:, :2], axis=0).T)))
+    assert extent == pytest.approx(np.hypot(*np.ptp(truth[:, :2], axis=0)))
     moved[-1, 0] += 1.0
     assert 0.8 < worst_error(moved, truth)[0] < 1.0
     truth[30:] = np.nan  # another building

@@ -409,8 +409,9 @@ def test_memory_does_not_grow_with_the_readings() -> None:
         return peak
 
     peak(10)
-    # 1,800 scans more: 8 bytes a stamp and copies of it for the median, against 2.6 MB of ranges
-    assert peak(2000) < peak(200) + 250_000
+    # 1,800 scans more: 8 bytes a stamp, copies of it for the median, what Python keeps for itself; against 2.6 MB
+    # of ranges
+    assert peak(2000) < peak(200) + 650_000
 
 
 # ---- real logs

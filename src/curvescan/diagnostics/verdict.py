@@ -8,7 +8,6 @@ the readings.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -20,8 +19,9 @@ from curvescan.io.log import ScanAccess
 from curvescan.odometry.run import RunRecord
 from curvescan.odometry.step import StepOutcome
 from curvescan.slam import Localizer, Slam
+from curvescan.slam.pose_graph.posterior import covariances_seen_from
 from curvescan.slam.run import Engine
-from curvescan.types import Bools, Floats, Ints
+from curvescan.types import Bools
 
 MAX_UNMATCHED, MAX_UNMATCHED_SHARE = 2, 0.02
 """So many scans without a match, or this share of them, are bridged by the expected motion."""
@@ -34,7 +34,7 @@ MAX_SIGMA = 0.5
 """Greatest standard deviation of a position on a short path that can still be called known, metres."""
 
 MAX_DRIFT, MAX_SIGMA_SHARE = 0.02, 0.01
-"""The same on a long path, as a share of it: what odometry may drift by, and what SLAM may leave open."""
+"""The same of odometry as a share of a long path, and of SLAM as a share of the size of a large place."""
 
 MAX_OPEN_SHARE, MAX_OPEN_SHARE_SLAM = 0.3, 0.9
 """Share of the scans that may leave the motion along one direction to what is usual, where no wheels tell it: of
@@ -79,7 +79,7 @@ class Evidence:
     is_open: Bools
     is_known: Bools
     path: float = 0.0
-    extent: float = math.inf
+    extent: float = 0.0
     sigma: float = 0.0
     breaks: tuple[Break, ...] = ()
     n_parts: int = 1
@@ -127,9 +127,8 @@ class Evidence:
 
     @property
     def most_sigma(self) -> float:
-        """Greatest standard deviation of a known position, metres; a guessed motion counts by the size of the place."""
-        length = min(self.path, self.extent) if self.is_guessed else self.path
-        return max(MAX_SIGMA, (MAX_SIGMA_SHARE if self.is_slam else MAX_DRIFT) * length)
+        """Greatest standard deviation of a known position, metres."""
+        return max(MAX_SIGMA, MAX_SIGMA_SHARE * self.extent if self.is_slam else MAX_DRIFT * self.path)
 
 
 _TESTS: dict[str, Callable[[Evidence], bool]] = {
@@ -226,7 +225,7 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
         is_known=np.isfinite(poses[:, 0]),
         path=float(np.sum(np.hypot(*np.diff(known, axis=0).T))),
         extent=float(np.hypot(*np.ptp(known, axis=0))) if len(known) else 0.0,
-        sigma=_largest_sigma(record, engine),
+        sigma=largest_sigma(record, engine),
         n_parts=n_parts,
         contradictions=contradictions,
         motion="used" if record.has_prior else "left out" if prepared and prepared.prior.sentence else "none",
@@ -239,27 +238,19 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
     return replace(evidence, breaks=find_breaks(record, evidence.most_sigma, wheels, log, slam_map))
 
 
-def _largest_sigma(record: RunRecord, engine: Engine) -> float:
-    """Return the greatest standard deviation of a position, metres, the few worst left out; 0 where none is known."""
+def largest_sigma(record: RunRecord, engine: Engine) -> float:
+    """Return the greatest standard deviation of a position, metres, the few worst left out; 0 where none is known.
+
+    Of a map it is that of the keyframes, seen from the middle one: a start that little ties is one of the few.
+    """
     covariances = record.trajectory.covariances
+    if isinstance(engine, Slam) and engine.graph.n_poses:
+        covariances = covariances_seen_from(engine.graph, engine.graph.n_poses // 2, engine.config.noise)
     if covariances is None or not len(covariances):
         return 0.0
     variances = covariances[:, 0, 0] + covariances[:, 1, 1]
-    if isinstance(engine, Slam):
-        variances = _bridged(variances, record.is_failed, engine.keyframe_scans()[:, 1])
     known = variances[np.isfinite(variances)]
     return math.sqrt(0.5 * max(float(np.quantile(known, 1.0 - MAX_UNMATCHED_SHARE)), 0.0)) if known.size else 0.0
-
-
-def _bridged(variances: Floats, is_failed: Bools, keyframes: Ints) -> Floats:
-    """Return (n,) variances of matched scans as the (k,) keyframes on both sides know them, not only the one before."""
-    bridged = variances.copy()
-    for a, b in pairwise(keyframes.tolist()):
-        gathered = np.maximum(variances[a:b] - variances[a], 0.0)
-        if b < len(variances) and gathered[-1] > 0.0 and not is_failed[a + 1 : b + 1].any():
-            share = np.minimum(gathered / gathered[-1], 1.0)
-            bridged[a:b] = (1.0 - share) * (variances[a] + gathered) + share * variances[b]
-    return bridged
 
 
 def _longest(mask: Bools) -> int:
