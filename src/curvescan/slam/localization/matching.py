@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from curvescan.slam.localization.prior import WRONG
 from curvescan.slam.loops.closures import is_certain, measured
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
-from curvescan.types import Cov, Ints, Points, Pose
+from curvescan.types import Cov, Points, Pose
 
 _REACH_M = 8.0
 """Keyframes farther away are not matched, metres; one half as far comes behind a near one that shares half as much."""
@@ -46,9 +45,6 @@ _N_FUSED = 3
 N_TRIED = 12
 """Keyframes that look like a scan, and places, that are tried in detail while the sensor is searched for."""
 
-_FAR = 100.0
-"""Ways of more than this variance are not followed, square metres."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Hit:
@@ -59,53 +55,6 @@ class Hit:
     score: float  # how much speaks for the place, in [0, 1]: the match's score, less where it is not sure
 
 
-class MapPrecision:
-    """Relative covariances of the keyframes of a map.
-
-    A map bends where few matches tie its keyframes: a sensor that goes on from one of them to the next then comes to
-    lie beside where the first one has it. Along the best way through the graph, its edges' variances are added: other
-    ways between the two would lower the sum, so that it is never too small.
-    """
-
-    def __init__(self, slam_map: SlamMap) -> None:
-        from scipy.sparse import csr_array  # loads for a good part of a second
-
-        used = slam_map.weights > 0.5
-        ends, cov = np.sort(slam_map.ends[used], axis=1), slam_map.edge_covariances[used]
-        position, rotation = np.maximum(cov[:, 0, 0], cov[:, 1, 1]), cov[:, 2, 2]
-        weights = position + rotation  # the variance of a position 1 m away
-        order = np.argsort(weights, kind="stable")
-        pairs, first = np.unique(ends[order], axis=0, return_index=True)
-        best = order[first]
-        self._poses, n = slam_map.poses, len(slam_map.poses)
-        self._edge = {(i, j): k for (i, j), k in zip(pairs.tolist(), best.tolist(), strict=True)}
-        self._position, self._rotation = position, rotation  # of each edge
-        # by 32 bits, as the searches of SciPy 1.12 have it
-        self._ways = csr_array((weights[best], tuple(pairs.astype(np.int32).T)), shape=(n, n))
-        self._before = lru_cache(maxsize=1)(self._before_each)
-
-    def between(self, i: int, j: int) -> Cov:
-        """Return (3, 3) covariance of keyframe j seen from keyframe i: x, y, theta; the same in any frame."""
-        if i < 0 or i == j:
-            return np.zeros((3, 3))
-        position, rotation, at = 0.0, 0.0, j
-        while at != i:
-            before = int(self._before(i)[at])
-            if before < 0:  # parts that nothing joins, or no better
-                return np.diag([_FAR, _FAR, np.pi**2])
-            edge = self._edge[min(before, at), max(before, at)]
-            position, rotation, at = position + self._position[edge], rotation + self._rotation[edge], before
-        distance = float(np.hypot(*(self._poses[j] - self._poses[i])[:2]))
-        aside = position + rotation * distance**2
-        return np.diag([aside, aside, rotation])
-
-    def _before_each(self, i: int) -> Ints:
-        """Return (n,) the keyframe before each on the best way from one; negative where there is none."""
-        from scipy.sparse.csgraph import dijkstra
-
-        return np.asarray(dijkstra(self._ways, directed=False, indices=i, limit=_FAR, return_predecessors=True)[1])
-
-
 class MapMatcher:
     """Matches scans with the keyframes of a map."""
 
@@ -113,7 +62,6 @@ class MapMatcher:
         self.field = field
         self._misfits: dict[int, float] = {}
         self._map, self._keyframes, self._config = slam_map, keyframes, config
-        self._precision = MapPrecision(slam_map)
 
     def around(
         self, scan: LaserScan, expected: UncertainPose, *, seen_from: int = -1, is_known: bool = True
@@ -160,9 +108,18 @@ class MapMatcher:
         return Hit(keyframe=k, here=compose(exact, found), score=_weight(result.confidence) * result.score)
 
     def seen_from(self, expected: UncertainPose, keyframe: int, hit: Hit) -> UncertainPose:
-        """Return what is expected by one keyframe, with what the map errs between it and the keyframe of a match."""
-        error = self._precision.between(keyframe, hit.keyframe)
-        return UncertainPose(expected.pose, expected.cov + error)
+        """Return what is expected by one keyframe, with what the map errs between it and the keyframe of a match.
+
+        A map bends as if edges led from one to the other, a step of keyframes each; nothing is added where none is.
+        """
+        if keyframe < 0 or keyframe == hit.keyframe:
+            return expected
+        x, y, _ = self._map.poses[hit.keyframe] - self._map.poses[keyframe]
+        position, _, rotation = np.diagonal(self._config.noise.spread)
+        apart2 = x * x + y * y
+        error = np.array([position + rotation * apart2, position + rotation * apart2, rotation])
+        n_edges = 1.0 + math.sqrt(apart2) / self._config.keyframes.distance
+        return UncertainPose(expected.pose, expected.cov + n_edges * np.diag(error))
 
     def settled(self, points: Points, hits: list[Hit]) -> list[Hit]:
         """Return the best match of one scan and those that agree with it: a bent map puts it in several places."""
