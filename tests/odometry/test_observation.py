@@ -42,7 +42,7 @@ def gated(by_wheels, by_last=TRUE, is_measured=True, **result):
         clock=Clock(),
         odometry_pose=None,
     )
-    matching = Matching(method="curvescan", matcher=NeedsGuess(**result), config=OdometryConfig())
+    matching = Matching(matcher=NeedsGuess(**result), config=OdometryConfig())
     scan = SimpleNamespace(features=None)
     return matching.match(scan, scan, identity(), prediction)
 

@@ -120,7 +120,6 @@ def gate(
 class Matching:
     """A matcher with its configuration, as the odometry uses it."""
 
-    method: str  # name of the matcher
     matcher: Matcher  # the matcher, with its configuration
     config: OdometryConfig  # the odometry's configuration
 

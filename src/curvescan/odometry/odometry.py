@@ -16,7 +16,7 @@ from curvescan._compilation import watch
 from curvescan.configs import as_config
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD
-from curvescan.matchers.registry import Matcher, MatcherConfig, Method, find_matcher
+from curvescan.matchers.registry import MatcherConfig, Method, find_matcher
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.measurement import Matching
 from curvescan.odometry.motion_model import MotionModel
@@ -57,27 +57,12 @@ class Odometry:
         config: OdometryConfig | Mapping[str, Any] | None = None,
         matcher: MatcherConfig | None = None,
     ) -> None:
-        found = find_matcher(method, matcher, name="matcher")
         hint = "the configuration of the matcher is given as matcher="
-        self._matching = Matching(
-            method=method, matcher=found, config=as_config(config, OdometryConfig.of_method(method), hint=hint)
-        )
+        self.method = method
+        self.config = as_config(config, OdometryConfig.of_method(method), hint=hint)
+        self.matcher = find_matcher(method, matcher, name="matcher")
+        self._matching = Matching(matcher=self.matcher, config=self.config)
         self._state = State(motion=MotionModel.at_start(self.config.motion))
-
-    @property
-    def method(self) -> str:
-        """Name of the matcher."""
-        return self._matching.method
-
-    @property
-    def config(self) -> OdometryConfig:
-        """The odometry's configuration."""
-        return self._matching.config
-
-    @property
-    def matcher(self) -> Matcher:
-        """The matcher."""
-        return self._matching.matcher
 
     def __repr__(self) -> str:
         return f"Odometry({self.method!r}, {self._state.n_scans:,} scans)"

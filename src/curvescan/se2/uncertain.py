@@ -1,7 +1,8 @@
 """A pose with its covariance, and the four things the odometry does with it: compose, between, inverse, fuse.
 
 To first order, as in Smith, Self and Cheeseman, "Estimating uncertain spatial relationships in robotics" (1990). One
-pose at a time, in kernels: the odometry does this a dozen times a scan.
+pose at a time, in kernels: the odometry does this a dozen times a scan. They are written out element by element, as
+expressions of whole arrays take seconds to compile.
 """
 
 import math
@@ -30,7 +31,7 @@ def identity() -> UncertainPose:
 
 def compose(a_b: UncertainPose, b_c: UncertainPose) -> UncertainPose:
     """Return the pose of c in a from two independent ones."""
-    return UncertainPose(*_compose(a_b.pose, a_b.cov, b_c.pose, b_c.cov))
+    return UncertainPose(*composed(a_b.pose, a_b.cov, b_c.pose, b_c.cov))
 
 
 def between(a_b: UncertainPose, a_c: UncertainPose) -> UncertainPose:
@@ -49,11 +50,8 @@ def fuse(one: UncertainPose, other: UncertainPose) -> tuple[UncertainPose, float
     return UncertainPose(pose, cov), distance
 
 
-# Written out element by element: whole-array expressions take seconds to compile.
-
-
 @kernel
-def _add_sandwich(left: Floats, cov: Cov, total: Cov) -> None:
+def add_sandwich(left: Floats, cov: Cov, total: Cov) -> None:
     """Add left @ cov @ left.T to `total`, cov being symmetric."""
     half = np.zeros((3, 3))
     for i in range(3):
@@ -71,7 +69,7 @@ def _add_sandwich(left: Floats, cov: Cov, total: Cov) -> None:
 
 
 @inlined
-def _affine(c: float, s: float, x: float, y: float) -> Floats:
+def affine(c: float, s: float, x: float, y: float) -> Floats:
     """Return the (3, 3) matrix of a rotation by an angle of cosine c and sine s, and a third column (x, y, 1)."""
     matrix = np.zeros((3, 3))
     matrix[0, 0], matrix[0, 1], matrix[0, 2] = c, -s, x
@@ -81,15 +79,16 @@ def _affine(c: float, s: float, x: float, y: float) -> Floats:
 
 
 @kernel
-def _compose(pose_ab: Pose, cov_ab: Cov, pose_bc: Pose, cov_bc: Cov) -> tuple[Pose, Cov]:
+def composed(pose_ab: Pose, cov_ab: Cov, pose_bc: Pose, cov_bc: Cov) -> tuple[Pose, Cov]:
+    """Return what :func:`compose` does, in kernels."""
     c, s = math.cos(pose_ab[2]), math.sin(pose_ab[2])
     x, y = pose_bc[0], pose_bc[1]
     pose, cov = np.empty(3), np.zeros((3, 3))
     pose[0] = pose_ab[0] + c * x + -s * y
     pose[1] = pose_ab[1] + s * x + c * y
     pose[2] = wrap_angle(pose_ab[2] + pose_bc[2])
-    _add_sandwich(_affine(1.0, 0.0, -s * x - c * y, c * x - s * y), cov_ab, cov)
-    _add_sandwich(_affine(c, s, 0.0, 0.0), cov_bc, cov)
+    add_sandwich(affine(1.0, 0.0, -s * x - c * y, c * x - s * y), cov_ab, cov)
+    add_sandwich(affine(c, s, 0.0, 0.0), cov_bc, cov)
     return pose, cov
 
 
@@ -100,11 +99,11 @@ def _between(pose_ab: Pose, cov_ab: Cov, pose_ac: Pose, cov_ac: Cov) -> tuple[Po
     x, y = c * dx + s * dy, -s * dx + c * dy
     pose, rest, cov = np.empty(3), np.zeros((3, 3)), np.zeros((3, 3))
     pose[0], pose[1], pose[2] = x, y, wrap_angle(pose_ac[2] - pose_ab[2])
-    _add_sandwich(_affine(1.0, 0.0, -s * x - c * y, c * x - s * y), cov_ab, rest)
+    add_sandwich(affine(1.0, 0.0, -s * x - c * y, c * x - s * y), cov_ab, rest)
     for i in range(3):
         for j in range(3):
             rest[i, j] = cov_ac[i, j] - rest[i, j]
-    _add_sandwich(_affine(c, -s, 0.0, 0.0), rest, cov)
+    add_sandwich(affine(c, -s, 0.0, 0.0), rest, cov)
     return pose, cov
 
 
@@ -114,14 +113,14 @@ def _inverse(pose_ab: Pose, cov_ab: Cov) -> tuple[Pose, Cov]:
     x, y = pose_ab[0], pose_ab[1]
     pose, cov = np.empty(3), np.zeros((3, 3))
     pose[0], pose[1], pose[2] = -c * x - s * y, s * x - c * y, wrap_angle(-pose_ab[2])
-    jacobian = _affine(-c, s, s * x - c * y, c * x + s * y)
+    jacobian = affine(-c, s, s * x - c * y, c * x + s * y)
     jacobian[1, 0], jacobian[0, 1], jacobian[2, 2] = s, -s, -1.0
-    _add_sandwich(jacobian, cov_ab, cov)
+    add_sandwich(jacobian, cov_ab, cov)
     return pose, cov
 
 
 @kernel
-def _inverse3(m: Cov) -> Cov:
+def inverse3(m: Cov) -> Cov:
     """Return the inverse of a symmetric positive definite matrix, by cofactors of it scaled to a unit diagonal."""
     # a matcher's covariance may not be positive where its fit is degenerate: no square root of that
     x = 1.0 / math.sqrt(max(m[0, 0], _LEAST_VARIANCE))
@@ -145,7 +144,7 @@ def _fuse(pose_1: Pose, cov_1: Cov, pose_2: Pose, cov_2: Cov) -> tuple[Pose, Cov
     for i in range(3):
         for j in range(3):
             both[i, j] = cov_1[i, j] + cov_2[i, j]
-    weight = _inverse3(both)
+    weight = inverse3(both)
     apart, pull, pose = np.empty(3), np.zeros(3), np.empty(3)
     for i in range(3):
         pose[i] = pose_1[i]
@@ -165,6 +164,6 @@ def _fuse(pose_1: Pose, cov_1: Cov, pose_2: Pose, cov_2: Cov) -> tuple[Pose, Cov
             pose[i] += cov_1[i, j] * pull[j]
     pose[2] = wrap_angle(pose[2])
     # symmetric and positive whatever rounds: cov_1 W cov_2 W cov_1 + cov_2 W cov_1 W cov_2 (Joseph's form)
-    _add_sandwich(gain_1, cov_1, cov)
-    _add_sandwich(gain_2, cov_2, cov)
+    add_sandwich(gain_1, cov_1, cov)
+    add_sandwich(gain_2, cov_2, cov)
     return pose, cov, distance

@@ -103,7 +103,8 @@ class Slam:
         self._beside = ThreadPoolExecutor(1, thread_name_prefix="curvescan-slam")
         self._job: Future[Solution] | None = None
         self._job_due = 0
-        self._contradictions: tuple[Contradiction, ...] = ()
+        self.contradictions: tuple[Contradiction, ...] = ()
+        """Sure matches that agree with each other and contradict the finished map; empty before :meth:`finish`."""
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at this scan.
@@ -225,7 +226,7 @@ class Slam:
                 self._settle()
             else:
                 audited = self._search.audit()
-            self._contradictions = tuple(self._search.contradictions(audited))
+            self.contradictions = tuple(self._search.contradictions(audited))
         return self.trajectory()
 
     def _settle(self) -> None:
@@ -253,11 +254,6 @@ class Slam:
     def closures(self) -> list[Closure]:
         """All loop-closure candidates that were matched, and what became of them."""
         return self._search.closures
-
-    @property
-    def contradictions(self) -> tuple[Contradiction, ...]:
-        """Sure matches that agree with each other and contradict the finished map; empty before :meth:`finish`."""
-        return self._contradictions
 
     @property
     def n_fragments(self) -> int:

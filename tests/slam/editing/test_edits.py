@@ -16,7 +16,6 @@ from curvescan.slam.editing.edits import (
     edits_text,
     read_edits,
     save_map_folder,
-    write_edits,
 )
 from curvescan.slam.pose_graph.graph import EdgeKind
 from tests.slam.editing.ring import N, false_closure, ring
@@ -64,7 +63,7 @@ def test_a_forbidden_stretch_has_no_closure():
 def test_a_file_of_edits_is_replayed_to_the_bit(tmp_path):
     slam_map, truth = ring()
     edits = [false_closure(), Edit(do="drop", i=5, j=33), Edit(do="pin", i=9, j=9, pose=tuple(truth[9].tolist()))]
-    write_edits(tmp_path / "edits.json", edits)
+    (tmp_path / "edits.json").write_text(edits_text(edits))
     again = read_edits(tmp_path / "edits.json")
     assert again == tuple(edits)
     assert edits_text(again) == (tmp_path / "edits.json").read_text()

@@ -17,7 +17,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io.files.output import output_file, output_folder
+from curvescan.io.files.output import output_folder
 from curvescan.io.trajectories.relations import write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.map_server import write_map
@@ -158,12 +158,6 @@ def edits_text(edits: Sequence[Edit]) -> str:
     return json.dumps({"curvescan_edits": _VERSION, "edits": [plain_edit(edit) for edit in edits]}, indent=1) + "\n"
 
 
-def write_edits(path: str | os.PathLike[str], edits: Sequence[Edit]) -> None:
-    """Write edits into a file. Raises OutputError."""
-    with output_file(path) as new:
-        new.write_text(edits_text(edits), encoding="utf-8", newline="\n")
-
-
 def read_edits(path: str | os.PathLike[str]) -> tuple[Edit, ...]:
     """Read a file of edits. Raises LogFileError, LogFormatError."""
     try:
@@ -195,7 +189,7 @@ def map_folder(
 def save_map_folder(out: str | os.PathLike[str], slam_map: SlamMap, edits: Sequence[Edit]) -> tuple[str, ...]:
     """Write a map into a folder with its edits, and return the names of the files."""
     with map_folder(out, slam_map) as folder:
-        write_edits(folder / "edits.json", edits)
+        (folder / "edits.json").write_text(edits_text(edits), encoding="utf-8", newline="\n")
         return tuple(sorted(file.name for file in folder.iterdir()))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.slam.pose_graph.posterior import rotations
+from curvescan.slam.pose_graph.posterior import affines, carried
 from curvescan.types import Bools, Cov, Pose
 
 
@@ -29,9 +29,8 @@ class Belief(NamedTuple):
         """Return what is known of keyframe k by the (n, 3) poses and their (n, 3, 3) covariances, with k's zero."""
         relative = se2.between(poses, poses[k])
         # by the pose that sees: d/dx_i of R_i^T (t_k - t_i)
-        jac = -rotations(poses[:, 2]).transpose(0, 2, 1)
-        jac[:, 0, 2], jac[:, 1, 2] = relative[:, 1], -relative[:, 0]
-        return cls(k, relative, jac @ covariances @ jac.transpose(0, 2, 1).copy())
+        jac = -affines(-poses[:, 2], -relative[:, 1], relative[:, 0])
+        return cls(k, relative, carried(covariances, jac))
 
     @classmethod
     def at_start(cls, k: int, poses: Pose) -> Belief:
@@ -69,12 +68,7 @@ class Belief(NamedTuple):
 
 def composed_covariances(poses: Pose, covariances: Cov, then: UncertainPose) -> Cov:
     """Return (n, 3, 3) covariances of (n, 3) poses composed with one more, or one each, of independent errors."""
-    turn = rotations(poses[:, 2])
+    turn, (x, y, _) = affines(poses[:, 2]), then.pose.T
     c, s = turn[:, 0, 0], turn[:, 1, 0]
-    x, y, _ = then.pose.T
-    by_first = np.tile(np.eye(3), (len(poses), 1, 1))
-    by_first[:, 0, 2] = -s * x - c * y
-    by_first[:, 1, 2] = c * x - s * y
-    cov = by_first @ covariances @ by_first.transpose(0, 2, 1).copy()
-    cov += turn @ then.cov @ turn.transpose(0, 2, 1).copy()
-    return cov
+    by_first = affines(np.zeros(len(poses)), -s * x - c * y, c * x - s * y)
+    return carried(covariances, by_first) + carried(then.cov, turn)

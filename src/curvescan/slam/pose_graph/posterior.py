@@ -109,25 +109,28 @@ def own_noise(poses: Pose, ends: Ints, covariances: Cov, is_match: Bools) -> Cov
     best[ends[rows].ravel()] = np.repeat(rows, 2)  # of several the last one stays
     found = np.zeros((len(poses), 3, 3))
     has = np.flatnonzero(best >= 0)
-    turn = rotations(poses[ends[best[has], 0], 2])
-    found[has] = turn @ covariances[best[has]] @ turn.transpose(0, 2, 1).copy()
+    found[has] = carried(covariances[best[has]], affines(poses[ends[best[has], 0], 2]))
     return found
 
 
 def with_own_noise(covariances: Cov, poses: Pose, own: Cov, k: int) -> Cov:
     """Return (n, 3, 3) covariances with the noise of the keyframes' own scans; keyframe k stays known exactly."""
-    lever = np.tile(np.eye(3), (len(poses), 1, 1))
-    lever[:, 0, 2] = poses[k, 1] - poses[:, 1]
-    lever[:, 1, 2] = poses[:, 0] - poses[k, 0]
-    found: Cov = covariances + own + lever @ own[k] @ lever.transpose(0, 2, 1).copy()
+    lever = affines(np.zeros(len(poses)), poses[k, 1] - poses[:, 1], poses[:, 0] - poses[k, 0])
+    found: Cov = covariances + own + carried(own[k], lever)
     found[k] = covariances[k]
     return found
 
 
-def rotations(angles: Floats) -> Cov:
-    """Return (n, 3, 3) matrices that turn poses by angles."""
-    turns = np.zeros((len(angles), 3, 3))
-    c, s = np.cos(angles), np.sin(angles)
-    turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = c, -s, s, c
-    turns[:, 2, 2] = 1.0
-    return turns
+def affines(angles: Floats, x: Floats | float = 0.0, y: Floats | float = 0.0) -> Cov:
+    """Return (n, 3, 3) matrices that turn by angles, and a third column (x, y, 1)."""
+    found, c, s = np.zeros((len(angles), 3, 3)), np.cos(angles), np.sin(angles)
+    found[:, 0, 0], found[:, 0, 1], found[:, 0, 2] = c, -s, x
+    found[:, 1, 0], found[:, 1, 1], found[:, 1, 2] = s, c, y
+    found[:, 2, 2] = 1.0
+    return found
+
+
+def carried(covariances: Cov, by: Cov) -> Cov:
+    """Return (n, 3, 3) covariances of what (n, 3, 3) matrices make of errors of some, (3, 3) or (n, 3, 3)."""
+    found: Cov = by @ covariances @ by.transpose(0, 2, 1).copy()
+    return found

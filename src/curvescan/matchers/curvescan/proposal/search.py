@@ -57,9 +57,7 @@ class Effort(NamedTuple):
     # with fewer poses than this to try, or a close rival, other ways are tried up to that score
     few_tried: int
     certain_score: float
-    # of rough, moved and closely refined poses: metres, and metres for each metre of range; how many of each are kept,
-    # and the samples that are tried first
-    tolerances: tuple[float, float, float, float, float, float]
+    # of rough, moved and closely refined poses how many are kept, and the samples that are tried first
     n_kept: tuple[int, int, int]
     n_first: tuple[int, int, int]
 
@@ -93,7 +91,6 @@ def effort_of(config: CurvescanConfig) -> Effort:
         scoring.doubtful_score,
         _FEW_TRIED,
         _CERTAIN_SCORE,
-        (*ROUGH, *MOVED_ALONG, *CLOSE),
         (_N_KEPT, _N_KEPT + 1, 3),
         (6, 12, 64),
     )
@@ -123,9 +120,8 @@ def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort)
     guess = np.empty((1, 3))
     for k in range(3):
         guess[0, k] = prior.pose[k]
-    close, close_slope = effort.tolerances[-2:]
     refined, n_kept = refine(guess, ref, cur, effort.sigmas), len(guess)  # 1 that is no constant
-    near, scores = select(refined, ref, cur, close, close_slope, n_kept, effort.n_first[2], NEAR)
+    near, scores = select(refined, ref, cur, CLOSE[0], CLOSE[1], n_kept, effort.n_first[2], NEAR)
     return near, scores, scores.size > 0 and scores[0] > effort.certain_score and tells(prior, near)
 
 
@@ -189,12 +185,13 @@ def explore(poses: Floats, ref: RangeImage, cur: RangeImage, effort: Effort) -> 
 
     If need be they are moved along a degenerate direction and refined again.
     """
-    rough, rough_slope, moved, moved_slope, close, close_slope = effort.tolerances
     n_kept, n_first = effort.n_kept, effort.n_first
-    chosen, _ = select(poses, ref, cur, rough, rough_slope, n_kept[0], n_first[0], NEAR)
+    chosen, _ = select(poses, ref, cur, ROUGH[0], ROUGH[1], n_kept[0], n_first[0], NEAR)
     quick = refine(chosen, ref, cur, effort.sigmas)
     moved_along = degenerate_hypotheses(quick[:2], ref, cur, effort.along_step, effort.n_along, effort.degenerate_ratio)
     if moved_along.shape[0] > 0:
-        chosen, _ = select(stack(quick, moved_along), ref, cur, moved, moved_slope, n_kept[1], n_first[1], NEAR)
+        chosen, _ = select(
+            stack(quick, moved_along), ref, cur, MOVED_ALONG[0], MOVED_ALONG[1], n_kept[1], n_first[1], NEAR
+        )
         quick = refine(chosen, ref, cur, effort.sigmas)
-    return select(quick, ref, cur, close, close_slope, n_kept[2], n_first[2], NEAR)
+    return select(quick, ref, cur, CLOSE[0], CLOSE[1], n_kept[2], n_first[2], NEAR)
