@@ -29,8 +29,9 @@ _NEAR_M, _NEAR_RAD = 0.5, 0.5
 _NOTHING = -2.0
 """Log odds of a scan that has nothing to compare with what was in use."""
 
-LOST_COVARIANCE = np.diag([30.0**2, 30.0**2, math.pi**2])
-"""Covariance of a motion of which nothing is known: across a building, half a turn."""
+_ACROSS = 30.0  # metres, standard deviation: how far a sensor is carried unseen
+LOST_COVARIANCE = np.diag([_ACROSS**2, _ACROSS**2, math.pi**2])
+"""Covariance of a motion of which nothing is known."""
 LOST_COVARIANCE.setflags(write=False)
 
 
