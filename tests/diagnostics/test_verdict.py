@@ -88,7 +88,7 @@ def test_parts_of_the_map_count_and_not_what_was_lost_on_the_way():
         ("odometry", 10.0, 5.0, 0.5),
         ("odometry", 100.0, 5.0, 2.0),
         ("slam", 900.0, 20.0, 0.5),
-        ("slam", 900.0, 70.0, 0.7),
+        ("slam", 900.0, 80.0, 1.0),
     ],
 )
 def test_an_odometry_is_judged_by_its_path_and_a_map_by_its_size(engine, path, extent, most):

@@ -287,8 +287,8 @@ def test_carried_to_an_unseen_place_it_is_lost_and_starts_anew():
     assert 12 < lost <= 12 + KeyframesConfig().max_gap
     # to the past it is open, and stays so; a consumer that chains the motions learns it as well
     for step in steps[lost:]:
-        assert np.sqrt(np.diag(step.covariance)[:2]).min() > 100.0
-    assert steps[lost].motion_covariance[0, 0] > 100.0**2
+        assert np.sqrt(np.diag(step.covariance)[:2]).min() >= 30.0
+    assert steps[lost].motion_covariance[0, 0] >= 30.0**2
     # among each other the steps since are sure
     found = cs.se2.between(steps[lost].pose, steps[-1].pose)
     np.testing.assert_allclose(found, cs.se2.between(truth[lost - 12], truth[-1]), atol=0.02)

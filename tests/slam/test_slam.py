@@ -9,6 +9,7 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.odometry.step import StepOutcome
 from curvescan.runs.result import Run
 from curvescan.slam import ClosureOutcome
 from curvescan.slam.pose_graph.graph import EdgeKind
@@ -123,3 +124,13 @@ def test_scans_without_readings_are_outcomes_not_exceptions() -> None:
     assert not step.closures
     assert len(slam.finish()) == 30
     assert all(c.outcome is not ClosureOutcome.ACCEPTED for c in slam.closures)
+
+
+def test_after_a_loss_the_scans_of_the_gap_lie_in_the_track_that_began() -> None:
+    """Three scans pass until a sensor that was carried away is lost; a later match ties where it was put down."""
+    drive = cs.simulate("clutter", sensor="hokuyo-270", seed=7277, n_scans=300, n_people=1)
+    kept = [*range(95), *range(195, 300)]
+    run = cs.run([drive[i] for i in kept], "slam")
+    assert run.record.outcomes.count(StepOutcome.LOST) == 1
+    true = se2.between(drive.truth.poses[0], drive.truth.poses[kept])
+    assert np.hypot(*(run.trajectory.poses - true)[:, :2].T).max() < 0.05

@@ -1,7 +1,7 @@
 """Breaks: where a drive goes on as no scan shows it.
 
-Three things break it and leave covariances as they are: a scanner that repeats a scan while the sensor drives, parts of
-a map that wheels alone tie though the scans on either side should match, and scans on the wrong side of a loss.
+Two things break it and leave covariances as they are: a scanner that repeats a scan while the sensor drives, and parts
+of a map that wheels alone tie though the scans on either side should match.
 """
 
 from typing import NamedTuple
@@ -25,7 +25,7 @@ _TIMES, _USUAL = 3, 0.95  # a leap is so many times as long as this quantile of 
 class Break(NamedTuple):
     """A break: first and last scan of what is wrong, and the metres that no scan shows."""
 
-    kind: str  # "frozen", "untied" or "misplaced"
+    kind: str  # "frozen" or "untied"
     first: int
     last: int
     metres: float
@@ -42,14 +42,7 @@ def find_breaks(
     leaps = np.where(way > max(_TIMES * usual, most), way, 0.0)
     failed = record.is_failed
     is_first = _begins(failed)
-    found = [
-        # from the first of the failures that led to the loss
-        Break(
-            "misplaced", next((i for i in range(max(k - _N_SCANS, 0), k) if failed[i]), k - 1), k - 1, float(leaps[k])
-        )
-        for k in np.flatnonzero(leaps).tolist()
-        if record.outcomes[k] is StepOutcome.LOST
-    ]
+    found = []
     for k in (*np.flatnonzero(is_first | (way > _TIMES * usual) | _begins(record.is_degenerate)).tolist(), n):
         begin = _stands_since(record.odometry.poses[:k])
         driven = 0.0 if wheels is None else _farthest(wheels[begin:k])

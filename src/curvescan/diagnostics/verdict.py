@@ -33,7 +33,7 @@ little left to map."""
 MAX_SIGMA = 0.5
 """Greatest standard deviation of a position on a short path that can still be called known, metres."""
 
-MAX_DRIFT, MAX_SIGMA_SHARE = 0.02, 0.01
+MAX_DRIFT, MAX_SIGMA_SHARE = 0.02, 0.0125
 """The same of odometry as a share of a long path, and of SLAM as a share of the size of a large place."""
 
 MAX_OPEN_SHARE, MAX_OPEN_SHARE_SLAM = 0.3, 0.9
@@ -141,7 +141,6 @@ _TESTS: dict[str, Callable[[Evidence], bool]] = {
     "guessed": lambda e: e.is_guessed and e.engine != "localization" and e.open_share > e.most_open,
     "frozen": lambda e: any(b.kind == "frozen" for b in e.breaks),
     "untied": lambda e: any(b.kind == "untied" for b in e.breaks),
-    "misplaced": lambda e: any(b.kind == "misplaced" for b in e.breaks),
     "contradicted": lambda e: bool(e.contradictions),
 }
 """Where each reason of verdict.toml holds."""

@@ -14,7 +14,6 @@ import numpy as np
 
 from curvescan.matchers.result import WIDE_PRIOR
 from curvescan.odometry.measurement import CERTAIN, SURE, GatedMatch, gate, log_odds_of_best
-from curvescan.odometry.motion_model import LONGEST_STEP
 from curvescan.odometry.observation import Gap, Keyframe, Localization, Observation, Placement
 from curvescan.odometry.step import StepOutcome
 from curvescan.se2.uncertain import UncertainPose, identity
@@ -30,8 +29,9 @@ _NEAR_M, _NEAR_RAD = 0.5, 0.5
 _NOTHING = -2.0
 """Log odds of a scan that has nothing to compare with what was in use."""
 
-LOST_COVARIANCE = np.diag([LONGEST_STEP**2, LONGEST_STEP**2, math.pi**2])
-"""Covariance of a motion of which nothing is known: a kilometre, half a turn."""
+_ACROSS = 30.0  # metres, standard deviation: how far a sensor is carried unseen
+LOST_COVARIANCE = np.diag([_ACROSS**2, _ACROSS**2, math.pi**2])
+"""Covariance of a motion of which nothing is known."""
 LOST_COVARIANCE.setflags(write=False)
 
 

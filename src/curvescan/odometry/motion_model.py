@@ -16,7 +16,7 @@ from curvescan.odometry.config import MotionConfig
 from curvescan.se2.uncertain import UncertainPose, identity, wrap_angle
 from curvescan.types import Pose
 
-LONGEST_STEP = 1_000.0
+_LONGEST_STEP = 1_000.0
 """Metres from a scan to the next that an odometry can measure; beyond, it is no measurement."""
 
 _WHEEL_FLOOR = 0.003
@@ -179,7 +179,7 @@ class MotionModel:
         if self.moved is not None:  # several steps at once; the others were found, or repeated
             by_wheels = se2.between(self.moved, by_wheels)
             turn = float(se2.wrap(turn - self.moved[2]))
-        is_measured = path < LONGEST_STEP  # not where it is NaN
+        is_measured = path < _LONGEST_STEP  # not where it is NaN
         if is_measured:
             pose[:2] = by_wheels[:2]
             cov[:2, :] = cov[:, :2] = 0.0

@@ -6,11 +6,10 @@ poses, a loop closure those since it; places that hold too many keyframes lose t
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from curvescan import se2
+from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.config import GATE, SlamConfig
@@ -24,13 +23,6 @@ from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, components
 from curvescan.slam.pose_graph.posterior import covariances_seen_from
 from curvescan.slam.thinning import Heir, thin, with_heirs
 from curvescan.types import Bools, Cov, Pose
-
-_MOST_VARIANCE = 30.0**2
-"""Of a motion of which nothing is known, square metres: wider ones leave the information matrix without digits for the
-rest."""
-
-_NOTHING_KNOWN: Cov = np.diag([_MOST_VARIANCE, _MOST_VARIANCE, math.pi**2])
-"""(3, 3) covariance of such a motion."""
 
 
 class GrowingMap:
@@ -73,8 +65,7 @@ class GrowingMap:
         noise, before = self.config.noise, self.current
         k = self.keyframes.add(scan, index, self.keyframes[before].session)
         self.fragments.append(self.fragments[before])
-        share = _MOST_VARIANCE / max(float(motion.cov[0, 0]), _MOST_VARIANCE)
-        step = noise.slipped(UncertainPose(motion.pose, share * motion.cov), self._open_way)
+        step = noise.slipped(motion, self._open_way)
         self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
         result, kind = self.keyframes.match(before, self.keyframes.prepared(k), None), EdgeKind.MOTION
         if result.ok:
@@ -115,7 +106,7 @@ class GrowingMap:
         """Return some keyframes, each seen from the one before it, (n, 3) and (n, 3, 3): the steps of the graph."""
         i, j = self.graph.ends.T
         rows = np.flatnonzero(~self.graph.is_closure & (j == i + 1) & (j >= first) & (j < stop))
-        steps, covariances = np.zeros((stop - first, 3)), np.tile(_NOTHING_KNOWN, (stop - first, 1, 1))
+        steps, covariances = np.zeros((stop - first, 3)), np.tile(LOST_COVARIANCE, (stop - first, 1, 1))
         at = j[rows] - first
         steps[at], covariances[at] = self.graph.measured[rows], self.graph.edge_covariances[rows]
         return steps, covariances

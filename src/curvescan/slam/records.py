@@ -12,7 +12,7 @@ from curvescan.slam.pose_graph.rows import Rows
 from curvescan.types import Cov, Floats, Ints, Pose
 
 _SCAN = np.dtype([("stamp", float), ("stretch", int), ("relative", float, 3), ("covariance", float, (3, 3))])
-_STRETCH = np.dtype([("first", int), ("last", int), ("way", float, 3)])
+_STRETCH = np.dtype([("first", int), ("last", int), ("way", float, 3), ("scan", int)])
 
 
 class Records:
@@ -24,15 +24,22 @@ class Records:
 
     def __init__(self) -> None:
         self._scans = Rows(dtype=_SCAN)
-        # keyframes that a stretch begins and ends with, the last -1 while it is open, and the one seen from the other
+        # keyframes that a stretch begins and ends with, the last -1 while it is open, and the one seen from the other;
+        # scan of the first
         self._stretches = Rows(dtype=_STRETCH)
 
-    def begin(self, keyframe: int, way: Pose | None) -> None:
-        """Begin a stretch at a keyframe; `way` is its pose by the odometry in the frame before, if any."""
-        if len(self._stretches) and way is not None:
+    def begin(self, keyframe: int, way: Pose | None, n_lost: int = 0) -> None:
+        """Begin a stretch at a keyframe; `way` is its pose by the odometry in the frame before, if any.
+
+        Where a track was lost, the last `n_lost` scans are of the new one, and nothing ties the others to it.
+        """
+        rows = self._scans.array[len(self._scans) - n_lost :]
+        if n_lost and way is not None:
+            rows["stretch"], rows["relative"] = len(self._stretches), se2.between(way, rows["relative"])
+        elif len(self._stretches) and way is not None:
             before = self._stretches.array[-1]
             before["last"], before["way"] = keyframe, way
-        self._stretches.append((keyframe, -1, np.zeros(3)))
+        self._stretches.append((keyframe, -1, np.zeros(3), len(self._scans)))
 
     def add(self, stamp: float, seen: UncertainPose) -> None:
         """Add a scan by its pose in the frame of the keyframe that the stretch began with."""
@@ -40,8 +47,7 @@ class Records:
 
     def keyframe_scans(self) -> Ints:
         """Return (k, 2) number and scan of each keyframe of this session, also of those that went."""
-        first_scan = np.searchsorted(self._scans.array["stretch"], np.arange(len(self._stretches)))
-        return np.column_stack([self._stretches.array["first"], first_scan])
+        return np.column_stack([self._stretches.array["first"], self._stretches.array["scan"]])
 
     def trajectory(self, poses: Pose, covariances: Cov) -> Trajectory:
         """Return all poses so far, by those of the keyframes, (n, 3), and their covariances, (n, 3, 3)."""

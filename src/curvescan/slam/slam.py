@@ -27,7 +27,7 @@ from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
-from curvescan.odometry.step import Step
+from curvescan.odometry.step import Step, StepOutcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.config import SlamConfig
@@ -98,6 +98,7 @@ class Slam:
         self._open_drive = OpenDrive()
         self._origin: Step | None = None  # the step of the current keyframe
         self._n_lost = self._n_most_lost = 0  # scans that nothing places, now and since the current keyframe
+        self._n_unsettled = 0  # of an open gap of the odometry
         self._n_scans = 0
         self._beside = ThreadPoolExecutor(1, thread_name_prefix="curvescan-slam")
         self._job: Future[Solution] | None = None
@@ -143,6 +144,7 @@ class Slam:
             elif self._is_due(seen) and (step.is_driven or not step.is_unsettled):
                 seen = self._make_keyframe(scan, step, seen)
         self._n_scans += 1
+        self._n_unsettled = self._n_unsettled + 1 if step.is_unsettled else 0
         self._records.add(step.stamp, seen)
         closures = self._search.work(step.index, self.config.closures.matches_per_scan)
         is_revised = self._optimize_beside()
@@ -180,8 +182,9 @@ class Slam:
 
     def _hang_on(self, k: int, step: Step, way: UncertainPose | None) -> UncertainPose:
         """Let scans hang on keyframe k, made of the scan of a step, and return the step seen from it."""
-        self._records.begin(self.keyframes[k].number, None if way is None else way.pose)
-        self._origin, self._n_most_lost = step, 0
+        n_lost = self._n_unsettled if step.outcome is StepOutcome.LOST else 0
+        self._records.begin(self.keyframes[k].number, None if way is None else way.pose, n_lost)
+        self._origin, self._n_most_lost, self._n_unsettled = step, 0, 0
         self._open_drive = self._open_drive.begun()
         return identity()
 
