@@ -233,7 +233,7 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
     if evidence.engine == "localization" or len(poses) < 2:
         return evidence
     wheels = prepared.odometry_poses if prepared is not None and record.has_prior else None
-    slam_map = engine.map if isinstance(engine, Slam) else None
+    slam_map = engine.map if wheels is not None and isinstance(engine, Slam) else None
     return replace(evidence, breaks=find_breaks(record, evidence.most_sigma, wheels, log, slam_map))
 
 

@@ -181,7 +181,7 @@ def plot_graph(slam_map: SlamMap, axes: Axes) -> None:
     axes.plot(*slam_map.poses[:, :2].T, ".", color=PATH, ms=2, mew=0)
 
 
-_COLOURS = {"unknown": "#c4c7cc", "free": "#ffffff", "occupied": DARK}
+_COLOURS = {"unknown": "#c4c7cc", "free": "#ffffff", "occupied": DARK}  # by the rank of a block
 
 
 def draw_occupancy(path: Path, blocks: Blocks, poses: Pose, *, title: str) -> None:
@@ -195,11 +195,10 @@ def draw_occupancy(path: Path, blocks: Blocks, poses: Pose, *, title: str) -> No
 def draw_grid(axes: Axes, blocks: Blocks) -> None:
     """Draw an occupancy map on axes, whose limits become the map's."""
     (left, bottom), (right, top) = blocks.corners
+    colours = np.rint(255 * to_rgba_array(list(_COLOURS.values()))).astype(np.uint8)
     axes.grid(visible=False)
     axes.imshow(
-        np.rint(255 * to_rgba_array(list(_COLOURS.values()))).astype(np.uint8)[
-            blocks.ranks
-        ],  # a colour map: 60 MB more
+        colours[blocks.ranks],  # a colour map of Matplotlib's takes 60 MB more
         extent=(left, right, bottom, top),
         origin="lower",
         interpolation="nearest",  # a block is a pixel or more: none is left out
