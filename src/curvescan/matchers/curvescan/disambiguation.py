@@ -24,7 +24,7 @@ from curvescan.matchers.curvescan.config import NEAR, CurvescanConfig, Informati
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
 from curvescan.matchers.curvescan.prior import log_odds
-from curvescan.matchers.curvescan.proposal.scoring import FINE, select
+from curvescan.matchers.curvescan.proposal.scoring import FINE, agreement_lost, select
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.result import Candidate, Outcome
@@ -40,6 +40,8 @@ _SHARE = 0.7
 # Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn.
 _LEAST_SHIFT = 0.5
 _MAX_CANDIDATES = 8
+# The best place along an open direction is known where so far off, in metres, this share of the agreement is lost.
+_APART, _TOLD = 0.8, 0.05
 _BOX = 2.3  # metres from corner to corner of what agrees: in less a robot turns round
 _STILL = -0.015  # log odds of the prior from which on it speaks for the pose there: 0.35 m, 20 degrees
 
@@ -211,20 +213,15 @@ def competing_poses(problem: Problem, assessed: AssessedPose, verdict: Verdict) 
 def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, direction: Pose) -> float | None:
     """Return how well the best place along the direction that the scans leave open is known, metres; None for not.
 
-    Without a guess one of several places counts by how far they lie apart.
+    It is where both scans see less agreement some way along. Near a guess the best place is not looked for.
     """
-    rules = problem.config.information
-    if assessed.is_degenerate[1:].any():
+    rules, images = problem.config.information, (problem.reference.image, problem.current.image)
+    if assessed.is_degenerate[1:].any() or math.hypot(*direction[:2]) <= _LEAST_SHIFT:
         return None
-    if not assessed.ties and not first.is_open[0]:
-        return rules.max_sigma
-    if problem.prior.is_told or math.hypot(*direction[:2]) <= _LEAST_SHIFT or first.information[0] < 0.0:
+    if problem.prior.is_told and (assessed.ties or first.is_open[0]):
         return None
-    # a bare corridor fits best where it is laid over itself, as if the sensor stood still
-    places, step = assessed.weighed.poses[[0, *assessed.ties], :2] @ direction[:2], problem.config.hypotheses.along_step
-    if places.min() < step and places.max() > -step:
-        return None
-    return math.sqrt(rules.max_sigma**2 + float(np.mean((places - places[0]) ** 2)))
+    lost = agreement_lost(assessed.weighed.poses[0], direction, _APART, *images, *FINE)
+    return rules.max_sigma if lost > _TOLD else None
 
 
 def _candidate(

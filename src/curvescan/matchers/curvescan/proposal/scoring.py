@@ -12,11 +12,21 @@ import math
 import numpy as np
 
 from curvescan._jit import inlined, kernel
-from curvescan.matchers.curvescan.association import FORWARD, Motion, associate, is_seen_through, project_into, turned
+from curvescan.matchers.curvescan.association import (
+    BACKWARD,
+    FORWARD,
+    Motion,
+    associate,
+    is_seen_through,
+    motion_of,
+    project,
+    project_into,
+    turned,
+)
 from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_beside
 from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, SPACING, VARIANCE, X, Y
-from curvescan.types import Floats
+from curvescan.types import Bools, Floats
 
 # Share of the spacing of two readings on a surface by which a point of it may lie from the nearest one: half, and some
 # more where the surface is not straight.
@@ -186,3 +196,33 @@ def best_beside(
                 moved[k] = pose[k] + sign * offset * axis[k]
             best = max(best, score_pose(moved, ref, cur, tolerance, slope, n_samples, -1.0, placed))
     return best
+
+
+def agreement_lost(
+    pose: Floats, axis: Floats, offset: float, ref: RangeImage, cur: RangeImage, tolerance: float, slope: float
+) -> float:
+    """Return the share of the score that is lost `offset` times the (3,) axis away from a pose, on either side at least.
+
+    Of the samples in sight of the other sensor at all three: what leaves its sight says nothing.
+    """
+    poses = pose + np.array([[-offset], [0.0], [offset]]) * axis
+    ref, cur = (
+        one._replace(samples=one.samples[in_sight(one.samples, other, poses, way)])
+        for one, other, way in ((ref, cur, BACKWARD), (cur, ref, FORWARD))
+    )
+    here, beside = (best_beside(pose, axis, np.array([off]), ref, cur, tolerance, slope) for off in (0.0, offset))
+    return 1.0 - beside / here if here > 0.0 else 0.0
+
+
+@kernel
+def in_sight(samples: Floats, image: RangeImage, poses: Floats, way: float) -> Bools:
+    """Return whether the samples of a scan lie, at each of some poses, at a reading of the other scan or before one."""
+    found = np.ones(samples.shape[0], dtype=np.bool_)
+    surfels = image.surfels
+    for pose in poses:
+        placed = project(samples, motion_of(pose, way), image)
+        for k in range(samples.shape[0]):
+            j, _, x, y, _, _ = associate(placed, k, image)
+            reach = ALONG * surfels[j, SPACING] + surfels[j, RANGE] if j >= 0 else 0.0
+            found[k] &= x * x + y * y < reach * reach
+    return found
