@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import inlined, kernel
-from curvescan.matchers.curvescan.features.surfels import RANGE, X, Y
+from curvescan.matchers.curvescan.features.surfels import RANGE, distance2
 from curvescan.types import Bools, Floats, Ints
 
 PERSON_EXTENT = 0.6  # metres: no person shows more
@@ -54,6 +54,5 @@ def extent_of(surfels: Floats, first: int, last: int) -> float:
     """Return how far readings first to last lie from the first at most, metres."""
     extent2 = 0.0
     for i in range(first, last + 1):
-        dx, dy = surfels[i, X] - surfels[first, X], surfels[i, Y] - surfels[first, Y]
-        extent2 = max(extent2, dx * dx + dy * dy)
+        extent2 = max(extent2, distance2(surfels, first, i))
     return float(np.sqrt(extent2))
