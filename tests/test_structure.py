@@ -206,7 +206,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "io": (5856, 38, 0),
     "live": (2763, 41, 0),
     "mapping": (858, 17, 8),
-    "matchers": (667, 4, 0),
+    "matchers": (666, 4, 0),
     "matchers/baselines": (1528, 44, 35),
     "matchers/cfsma": (1101, 15, 17),
     "matchers/curvescan": (3996, 99, 28),
