@@ -249,7 +249,6 @@ class MatchResult:
         )
 
 
-NO_POSE: Pose = np.full(3, np.nan)
-NO_COVARIANCE: Cov = np.full((3, 3), np.nan)
-NO_POSE.setflags(write=False)
-NO_COVARIANCE.setflags(write=False)
+NO_POSE, NO_COVARIANCE, NO_INFORMATION = np.full(3, np.nan), np.full((3, 3), np.nan), np.zeros((3, 3))
+for _nothing in (NO_POSE, NO_COVARIANCE, NO_INFORMATION):
+    _nothing.setflags(write=False)

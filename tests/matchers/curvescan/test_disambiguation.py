@@ -59,7 +59,7 @@ def test_a_room_leaves_nothing_open_and_a_corridor_its_length():
     assert assessment.is_weakly_observable(CONFIG.information)
     is_degenerate, _ = degenerate_directions(ref, cur, np.zeros(3), assessment, CONFIG)
     assert is_degenerate.tolist() == [True, False, False]
-    cov = assessment.covariance(is_degenerate, CONFIG.information)
+    _, cov = assessment.matrices(is_degenerate, CONFIG.information)
     assert cov[0, 0] > 0.8
     assert cov[1, 1] < 0.01
 

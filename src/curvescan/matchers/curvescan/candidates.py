@@ -110,7 +110,7 @@ def look_closer(problem: Problem, poses: Floats) -> tuple[WeighedPoses, Assessme
     best = WeighedPoses(*found).best_first()
     if not len(known[0]):
         return best, None
-    is_known = np.array_equal(best.poses[0], found[0][0])
+    is_known = best.poses[0].tolist() == found[0][0].tolist()  # np.array_equal takes ten times as long
     return best, Assessment(*known) if is_known else assess_pose(ref, cur, best.poses[0], config)
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from curvescan.matchers.curvescan.assessment.assessment import (
 )
 from curvescan.matchers.curvescan.assessment.confidence import ANY, WeighedPoses
 from curvescan.matchers.curvescan.assessment.evidence import SMALL
-from curvescan.matchers.curvescan.assessment.information import covariance
 from curvescan.matchers.curvescan.assessment.support import Support, support_of
 from curvescan.matchers.curvescan.assessment.walls import extent
 from curvescan.matchers.curvescan.candidates import direction_of_walls
@@ -27,8 +26,11 @@ from curvescan.matchers.curvescan.prior import log_odds
 from curvescan.matchers.curvescan.proposal.scoring import FINE, agreement_lost, select
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.matchers.curvescan.refinement import refine
-from curvescan.matchers.result import Candidate, Outcome
+from curvescan.matchers.result import NO_COVARIANCE, NO_INFORMATION, NO_POSE, Candidate, Outcome
 from curvescan.types import Bools, Cov, Floats, Pose
+
+# (3, 3): the information on a pose, zero along what is open, and its covariance, wide there.
+Known: TypeAlias = tuple[Cov, Cov]
 
 # What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured.
 _ARMS = np.array([1.0, 1.0, 2.0])
@@ -46,30 +48,30 @@ _BOX = 2.3  # metres from corner to corner of what agrees: in less a robot turns
 _STILL = -0.015  # log odds of the prior from which on it speaks for the pose there: 0.35 m, 20 degrees
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class AssessedPose:
+class AssessedPose(NamedTuple):
     """The best candidate without what moved, and what the scans say of it."""
 
     weighed: WeighedPoses  # it, and the other candidates
-    assessment: Assessment | None = None  # of the first; None where too few readings agree
     # (3,): principal directions of the information that the scans leave open, the least informed first
     is_degenerate: Bools
+    # rows of the candidates that may be right as well and differ by a motion along the least informed direction
+    ties: list[int]
+    assessment: Assessment | None = None  # of the first; None where too few readings agree
     # whether the scans agree as well anywhere along the least informed direction; else only at the ties, if there are
     # any
     is_flat: bool = False
-    # rows of the candidates that may be right as well and differ by a motion along the least informed direction
-    ties: list[int]
     support: Support | None = None  # what speaks for the first and against it; None where too few readings agree
+    known: Known = (NO_INFORMATION, NO_COVARIANCE)  # what the scans say of the first alone
 
 
 class Verdict(NamedTuple):
     """What comes of a match."""
 
     outcome: Outcome  # MATCHED, or why not
-    # (3,) float64 or None: of the current scan in the reference; None unless MATCHED, as are all below
-    pose: Pose | None = None
+    information: Cov  # (3, 3): of the scans alone, at the pose or at the best candidate
+    pose: Pose = NO_POSE  # (3,): of the current scan in the reference, if MATCHED, as are all below
+    covariance: Cov = NO_COVARIANCE  # (3, 3): of the pose
     assessment: Assessment | None = None  # what the scans say of it
-    covariance: Cov | None = None  # (3, 3) float64 or None: of the pose
     is_degenerate: bool = False  # whether the scans leave a direction open
     confidence: float = 0.0  # probability that the pose is right, within what its covariance says
     is_guess_decisive: bool = False  # whether the scans alone leave several poses, and the prior decided
@@ -103,7 +105,13 @@ def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | Non
         ties = [k for k in along if k in ties or weighed.is_as_likely(k)]
     is_degenerate[0] |= is_flat or len(ties) > 0
     return AssessedPose(
-        weighed=weighed, assessment=assessment, is_degenerate=is_degenerate, is_flat=is_flat, ties=ties, support=support
+        weighed=weighed,
+        assessment=assessment,
+        is_degenerate=is_degenerate,
+        is_flat=is_flat,
+        ties=ties,
+        support=support,
+        known=assessment.matrices(is_degenerate, config.information),
     )
 
 
@@ -148,19 +156,20 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     ref, cur, _, config = problem
     least = config.scoring.min_confidence
     if assessment is None or support is None or all(is_degenerate.tolist()):
-        return Verdict(outcome=Outcome.UNSUPPORTED)
+        return Verdict(Outcome.UNSUPPORTED, assessed.known[0])
     accept, _, unsupported = support.probabilities(assessed.ties)
     is_alone = set(support.repeated()) <= set(assessed.ties)
     if is_alone and accept < least and 1.0 - unsupported < least:
-        return Verdict(outcome=Outcome.UNSUPPORTED)
+        return Verdict(Outcome.UNSUPPORTED, assessed.known[0])
     is_turned = assessed.weighed.may_be_turned or is_in_box(ref, cur, assessed.weighed, assessment)
     if not is_alone or accept < least or is_turned:
-        return Verdict(outcome=Outcome.AMBIGUOUS)
-    pose, assessment, cov = place(problem, assessed, assessment)
+        return Verdict(Outcome.AMBIGUOUS, assessed.known[0])
+    pose, assessment, (information, cov) = place(problem, assessed, assessment)
     return Verdict(
         outcome=Outcome.MATCHED,
         pose=pose,
         assessment=assessment,
+        information=information,
         covariance=cov,
         is_degenerate=any(is_degenerate.tolist()),
         confidence=accept,
@@ -180,19 +189,20 @@ def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPo
     return max(sizes) < _BOX
 
 
-def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> tuple[Pose, Assessment, Cov]:
-    """Return the pose, moved along a direction that is open to where a prior has it; its support and its covariance."""
+def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> tuple[Pose, Assessment, Known]:
+    """Return the pose, moved along a direction that is open to where a prior has it; what the scans say there."""
     prior, config = problem.prior, problem.config
     ties, is_degenerate = assessed.ties, assessed.is_degenerate
     poses, pose = assessed.weighed.poses, assessed.weighed.poses[0]
+    information, cov = assessed.known
     if assessed.is_flat and prior.is_told:
         pose, assessment = move_to_guess(problem, pose, assessment)
-    cov = assessment.covariance(is_degenerate, config.information)
+        information, cov = assessment.matrices(is_degenerate, config.information)
     if is_degenerate[0]:
         cov = cov + covariance_of_direction(assessment.weakest, config.information)
     if is_degenerate[0] and ties:
         cov += covariance_of_ties(pose, poses[[0, *ties]])
-    return pose, assessment, cov
+    return pose, assessment, (information, cov)
 
 
 def competing_poses(problem: Problem, assessed: AssessedPose, verdict: Verdict) -> tuple[Candidate, ...]:
@@ -202,11 +212,16 @@ def competing_poses(problem: Problem, assessed: AssessedPose, verdict: Verdict) 
         return ()
     direction = (verdict.assessment or first).weakest
     sigma = sigma_along(problem, assessed, first, direction) if assessed.is_degenerate[0] else None
-    poses = assessed.weighed.poses
-    candidates = [_candidate(problem, poses[0], support.log_odds, first, assessed.is_degenerate, sigma)]
+    poses, rules = assessed.weighed.poses, problem.config.information
+    known = assessed.known
+    if sigma is not None:
+        sure = first._replace(information=np.array([sigma**-2, *first.information[1:]]))
+        known = sure.matrices(np.zeros(3, dtype=np.bool_), rules)
+    candidates = [_candidate(poses[0], support.log_odds, first, assessed.is_degenerate, known)]
     for row in sorted(support.rivals, key=lambda row: -support.rivals[row])[: _MAX_CANDIDATES - 1]:
         found = assess_pose(problem.reference, problem.current, poses[row], problem.config)
-        candidates.append(_candidate(problem, poses[row], support.log_odds + support.rivals[row], found, found.is_open))
+        log_odds, known = support.log_odds + support.rivals[row], found.matrices(found.is_open, rules)
+        candidates.append(_candidate(poses[row], log_odds, found, found.is_open, known))
     return tuple(candidates)
 
 
@@ -224,20 +239,13 @@ def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, dir
     return rules.max_sigma if lost > _TOLD else None
 
 
-def _candidate(
-    problem: Problem, pose: Pose, log_odds: float, found: Assessment, is_open: Bools, sigma: float | None = None
-) -> Candidate:
-    """Return a candidate; sigma: of its best place along the weakest direction, metres, where there is one."""
-    information = found.information_matrix(is_open)
-    if sigma is not None:
-        along = found.axes[:, 0] / found.units
-        information = information + np.outer(along, along) / sigma**2
-    width = problem.config.information.degenerate_sigma if sigma is None else sigma
+def _candidate(pose: Pose, log_odds: float, found: Assessment, is_open: Bools, known: Known) -> Candidate:
+    """Return a candidate."""
     return Candidate(
         pose=pose,
         log_odds=log_odds,
-        information=information,
-        covariance=covariance(found.information, found.axes, found.units, is_open, width),
+        information=known[0],
+        covariance=known[1],
         degenerate_direction=found.weakest if is_open[0] else None,
         n_matched=found.n_inliers,
     )

@@ -21,7 +21,7 @@ from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, a
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
 from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal.search import NOTHING, Candidates, Problem, at_prior, effort_of, searched
-from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
+from curvescan.matchers.result import NO_INFORMATION, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 
@@ -69,7 +69,7 @@ class CurvescanMatcher:
         """
         problem = Problem(reference, current, WIDE if prior is None else Prior.of(prior), self.config)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
-            return report(problem, NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
+            return report(problem, NOTHING, _NOT_ASSESSED, Verdict(Outcome.NO_SEGMENTS, NO_INFORMATION))
         near, is_likely = at_prior(problem, self._effort)
         if is_likely and (result := judged(problem, near)).ok:
             return result
@@ -87,14 +87,12 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
     ref, cur, assessment = problem.reference, problem.current, verdict.assessment
     codes = (assessment.codes_ref, assessment.codes_cur) if assessment else (_NO_CODES, _NO_CODES)
     labels = beam_labels(ref.n_beams, ref.beam_idx, codes[0], cur.n_beams, cur.beam_idx, codes[1])
-    best = None if assessed.support is None else assessment or assessed.assessment
-    information = np.zeros((3, 3)) if best is None else best.information_matrix(assessed.is_degenerate)
     scores: list[float] = assessed.weighed.scores.tolist() or [math.nan]
     return MatchResult(
         method="curvescan",
         outcome=verdict.outcome,
-        pose=NO_POSE if verdict.pose is None else verdict.pose,
-        covariance=NO_COVARIANCE if verdict.covariance is None else verdict.covariance,
+        pose=verdict.pose,
+        covariance=verdict.covariance,
         n_matched=assessment.n_inliers if assessment else 0,
         trace=CurvescanTrace(reference=ref, current=cur, candidates=found, assessed=assessed),
         labels_reference=labels[: ref.n_beams],
@@ -104,6 +102,6 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
         runner_up=max(scores[1:], default=math.nan),
         confidence=verdict.confidence,
         candidates=competing_poses(problem, assessed, verdict),
-        information=information,
+        information=verdict.information,
         is_guess_decisive=verdict.is_guess_decisive,
     )

@@ -24,7 +24,7 @@ _PRIOR = 30.0
 
 _DRIFT = 0.001
 """Standard deviation by which matches in a row turn the heading over a way of a metre, radians; a radian counts as a
-metre. Real logs ask for 0.003 over 300 m and for nothing over 10 m, simulated floors for nothing."""
+metre."""
 
 _NEIGHBOURS = 4
 """Rows between keyframes that follow each other, at most."""

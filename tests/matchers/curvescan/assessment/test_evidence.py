@@ -17,8 +17,7 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     SMALL,
     WEAKEST,
     gather_evidence,
-    large_length,
-    person_length,
+    runs_seen_through,
 )
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER
 from curvescan.matchers.curvescan.config import CurvescanConfig
@@ -64,12 +63,12 @@ def test_a_person_before_a_wall_is_no_wall_though_of_one_surface_with_it(distanc
     codes = np.full(len(surfels), INLIER, dtype=np.uint8)
     codes[rows] = DYNAMIC
     bounds, nothing = np.array([0, len(surfels)]), np.zeros(len(surfels), dtype=np.bool_)
-    length = person_length(surfels, bounds, codes, nothing)
+    _, length = runs_seen_through(surfels, bounds, codes, nothing)
     assert length == pytest.approx(0.3 if is_person else 0.0)
     # what is a small thing already is not counted twice, and a long stretch is no person
-    assert person_length(surfels, bounds, codes, ~nothing) == 0.0
+    assert runs_seen_through(surfels, bounds, codes, ~nothing)[1] == 0.0
     codes[10:21] = DYNAMIC
-    assert person_length(surfels, bounds, codes, nothing) == 0.0
+    assert runs_seen_through(surfels, bounds, codes, nothing)[1] == 0.0
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -86,7 +85,7 @@ def test_a_person_at_a_wall_that_runs_aslant_is_none_the_less_before_it(way):
         codes = np.full(len(surfels), INLIER, dtype=np.uint8)
         codes[rows] = DYNAMIC
         nothing = np.zeros(len(surfels), dtype=np.bool_)
-        length = person_length(surfels, np.array([0, len(surfels)]), codes, nothing)
+        _, length = runs_seen_through(surfels, np.array([0, len(surfels)]), codes, nothing)
         assert length == pytest.approx(3 * surfels[0, LENGTH] if is_person else 0.0)
 
 
@@ -101,7 +100,7 @@ def test_a_person_at_the_first_or_the_last_reading_stands_before_nothing_else():
         moved[-1 if rows[0] == 0 else 0, RANGE] = 1.0  # the far end of the wall says nothing
         codes = np.full(len(surfels), INLIER, dtype=np.uint8)
         codes[rows] = DYNAMIC
-        assert person_length(moved, bounds, codes, nothing) == pytest.approx(0.3)
+        assert runs_seen_through(moved, bounds, codes, nothing)[1] == pytest.approx(0.3)
 
 
 def test_a_piece_of_a_wall_that_goes_on_on_one_side_is_no_person():
@@ -109,7 +108,7 @@ def test_a_piece_of_a_wall_that_goes_on_on_one_side_is_no_person():
     codes = np.full(len(corner), INLIER, dtype=np.uint8)
     codes[36:40] = DYNAMIC
     nothing = np.zeros(len(corner), dtype=np.bool_)
-    assert person_length(corner, np.array([0, len(corner)]), codes, nothing) == 0.0
+    assert runs_seen_through(corner, np.array([0, len(corner)]), codes, nothing)[1] == 0.0
 
 
 def test_only_long_runs_within_one_surface_are_large():
@@ -117,12 +116,17 @@ def test_only_long_runs_within_one_surface_are_large():
     codes = np.full(40, INLIER, dtype=np.uint8)
     codes[4:6] = DYNAMIC
     codes[30:] = DYNAMIC
-    assert large_length(surfels, np.array([0, 40]), codes) == pytest.approx(1.0)
-    assert large_length(surfels, np.array([0, 35, 40]), codes) == 0.0  # a run ends with its surface
+    nothing = np.zeros(len(surfels), dtype=np.bool_)
+
+    def large_length(*bounds):
+        return runs_seen_through(surfels, np.array(bounds), codes, nothing)[0]
+
+    assert large_length(0, 40) == pytest.approx(1.0)
+    assert large_length(0, 35, 40) == 0.0  # a run ends with its surface
     codes[:8] = DYNAMIC  # each run counts for itself
-    assert large_length(surfels, np.array([0, 40]), codes) == pytest.approx(1.8)
+    assert large_length(0, 40) == pytest.approx(1.8)
     codes[4:6] = INLIER
-    assert large_length(surfels, np.array([0, 40]), codes) == pytest.approx(1.0)
+    assert large_length(0, 40) == pytest.approx(1.0)
 
 
 def test_what_may_move_is_small_and_stands_before_something():

@@ -15,8 +15,8 @@ from curvescan.matchers.curvescan.assessment.information import (
     LEVER2,
     SPURIOUS,
     add_information,
-    covariance,
     eigen3,
+    matrices,
     pose_information,
 )
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
@@ -73,8 +73,9 @@ def test_the_information_is_that_of_the_slow_twin(seed):
     assert (spurious < 0.1 * information).all()
     np.testing.assert_allclose(np.diag(net), np.diag(expected), rtol=0.05)
     assert (np.diag(net) <= np.diag(expected) * (1 + 1e-6)).all()
-    cov = covariance(information, axes, units, np.zeros(3, dtype=bool), 1.0)
+    matrix, cov = matrices(information, axes, units, np.zeros(3, dtype=bool), 1.0)
     np.testing.assert_array_equal(cov, cov.T)
+    np.testing.assert_allclose(matrix, net, rtol=1e-9)
     np.testing.assert_allclose(cov @ net, np.eye(3), atol=1e-6)
 
 
@@ -145,7 +146,7 @@ def test_the_covariance_is_that_of_a_monte_carlo():
         pose = refine(MOTION[np.newaxis], ref.full_image, cur.full_image, np.array([0.0, 0.0]))[0]
         _, (information, _, axes, units) = information_at(ref, cur, pose)
         errors.append(pose - MOTION)
-        predicted.append(covariance(information, axes, units, np.zeros(3, dtype=bool), 1.0))
+        predicted.append(matrices(information, axes, units, np.zeros(3, dtype=bool), 1.0)[1])
     nees = [e @ np.linalg.solve(c, e) for e, c in zip(errors, predicted, strict=True)]
     # chi-square of 3 degrees of freedom: mean 3, and of 200 of them a standard error of 0.17
     assert 2.3 < np.mean(nees) < 3.7
@@ -161,7 +162,7 @@ def test_a_corridor_has_no_information_along_itself():
         assert abs(axes[0, 0]) > 0.98
         assert information[0] < 2.0 * spurious[0] or information[0] < 100.0
         assert information[1] > 1e4
-        cov = covariance(information, axes, units, np.array([True, False, False]), 1.0)
+        _, cov = matrices(information, axes, units, np.array([True, False, False]), 1.0)
         assert abs(math.sqrt(cov[0, 0]) - 1.0) < 0.05
         assert math.sqrt(cov[1, 1]) < 0.05
 
@@ -169,11 +170,11 @@ def test_a_corridor_has_no_information_along_itself():
 def test_an_open_turn_about_a_far_place_widens_the_position():
     axes = np.eye(3)[:, [2, 0, 1]]
     is_degenerate = np.array([True, False, False])
-    plain = covariance(np.array([1.0, 1e6, 1e6]), axes, np.ones(3), is_degenerate, 0.4)
+    _, plain = matrices(np.array([1.0, 1e6, 1e6]), axes, np.ones(3), is_degenerate, 0.4)
     np.testing.assert_allclose(np.diag(plain), [1e-6, 1e-6, 0.16])
     c, s = math.cos(0.6), math.sin(0.6)
     axes = np.array([[s, c, 0.0], [0.0, 0.0, 1.0], [c, -s, 0.0]])
-    arc = covariance(np.array([1.0, 1e6, 1e6]), axes, np.ones(3), is_degenerate, 0.4)
+    _, arc = matrices(np.array([1.0, 1e6, 1e6]), axes, np.ones(3), is_degenerate, 0.4)
     assert arc[1, 1] > 1e-4
     assert np.linalg.eigvalsh(arc).min() > 0
 

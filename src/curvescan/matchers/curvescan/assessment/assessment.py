@@ -9,7 +9,7 @@ import numpy as np
 
 from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.assessment.evidence import Compared, gather_evidence
-from curvescan.matchers.curvescan.assessment.information import covariance, information_matrix, pose_information
+from curvescan.matchers.curvescan.assessment.information import matrices, pose_information
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, static_segments
 from curvescan.matchers.curvescan.config import (
     AS_GOOD,
@@ -61,13 +61,9 @@ class Assessment(NamedTuple):
         """Return whether so many readings agree that chance does not explain it."""
         return self.n_inliers >= min(config.min_inliers, len(self.codes_cur) / 3)
 
-    def information_matrix(self, is_degenerate: Bools) -> Cov:
-        """Return the (3, 3) information on the pose, zero along the principal directions that are open."""
-        return information_matrix(self.information, self.axes, self.units, is_degenerate)
-
-    def covariance(self, is_degenerate: Bools, config: InformationConfig) -> Cov:
-        """Return the (3, 3) covariance of the pose, wide in the open directions."""
-        return covariance(self.information, self.axes, self.units, is_degenerate, config.degenerate_sigma)
+    def matrices(self, is_open: Bools, config: InformationConfig) -> tuple[Cov, Cov]:
+        """Return the (3, 3) information on the pose, zero along what is open, and its covariance, wide there."""
+        return matrices(self.information, self.axes, self.units, is_open, config.degenerate_sigma)
 
 
 def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, config: CurvescanConfig) -> Assessment:

@@ -28,7 +28,7 @@ from curvescan.matchers.curvescan.association import (
 from curvescan.matchers.curvescan.config import PARALLEL
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE
-from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, RANGE, VARIANCE, X, Y
+from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, RANGE, VARIANCE, X, Y, distance2
 from curvescan.types import Bools, Codes, Floats, Ints
 
 # Columns of an evidence. Metres of surface, the mean of both scans: that agrees; of that besides the two walls, not
@@ -110,10 +110,10 @@ def add_evidence(
     excess, beyond = excess_lengths(surfels, codes)
     found[EXCESS] += excess
     found[BEYOND] += beyond
-    found[LARGE] += large_length(surfels, bounds, codes)
-    before_wall = person_length(surfels, bounds, codes, is_small)
-    found[SEEN_THROUGH] -= before_wall
-    found[SMALL] += before_wall
+    large, people = runs_seen_through(surfels, bounds, codes, is_small)
+    found[LARGE] += large
+    found[SEEN_THROUGH] -= people
+    found[SMALL] += people
     return n_misfits
 
 
@@ -125,49 +125,31 @@ def is_parallel(surfels: Floats, i: int, motion: Motion, surfels_other: Floats, 
     return bool(x * surfels_other[j, NX] + y * surfels_other[j, NY] > PARALLEL)
 
 
-@inlined
-def large_length(surfels: Floats, bounds: Ints, codes: Codes) -> float:
-    """Return the length of surface seen through in runs longer than 0.5 m, metres."""
-    large = 0.0
-    for k in range(bounds.size - 1):
-        run, first = 0.0, -1
-        for i in range(bounds[k], bounds[k + 1]):
-            if codes[i] == DYNAMIC:
-                first = i if first < 0 else first
-                run += surfels[i, LENGTH]
-            if first >= 0 and (codes[i] != DYNAMIC or i == bounds[k + 1] - 1):
-                last = i if codes[i] == DYNAMIC else i - 1
-                dx, dy = surfels[last, X] - surfels[first, X], surfels[last, Y] - surfels[first, Y]
-                large += run if dx * dx + dy * dy > _LARGE_EXTENT * _LARGE_EXTENT else 0.0
-                run, first = 0.0, -1
-    return large
-
-
 @kernel
-def person_length(surfels: Floats, bounds: Ints, codes: Codes, is_small: Bools) -> float:
-    """Return the length of surface that is seen through and may be people, metres.
+def runs_seen_through(surfels: Floats, bounds: Ints, codes: Codes, is_small: Bools) -> tuple[float, float]:
+    """Return the length of surface seen through in runs longer than 0.5 m, and of shorter ones that may be people.
 
-    It is seen through in runs of no more than 0.5 m that stand before what is on both sides of them.
-    A person who leans on a wall is of one surface with it.
+    These stand before what is on both sides of them, metres. A person who leans on a wall is of one surface with it.
     """
-    total = 0.0
+    large, people = 0.0, 0.0
     for k in range(bounds.size - 1):
         run, first = 0.0, -1
         for i in range(bounds[k], bounds[k + 1]):
-            is_in = codes[i] == DYNAMIC and not is_small[i]
+            is_in = codes[i] == DYNAMIC
             if is_in:
                 first = i if first < 0 else first
                 run += surfels[i, LENGTH]
             if first >= 0 and (not is_in or i == bounds[k + 1] - 1):
                 last = i if is_in else i - 1
-                dx, dy = surfels[last, X] - surfels[first, X], surfels[last, Y] - surfels[first, Y]
-                if dx * dx + dy * dy <= _LARGE_EXTENT * _LARGE_EXTENT:
+                if distance2(surfels, first, last) > _LARGE_EXTENT * _LARGE_EXTENT:
+                    large += run
+                elif not is_small[first]:  # all of a surface is, or none
                     middle = (first + last) // 2
                     stands_free = stands_before(surfels, bounds, k, middle, first, first - 1)
                     if stands_free and stands_before(surfels, bounds, k, middle, last, last + 1):
-                        total += run
+                        people += run
                 run, first = 0.0, -1
-    return total
+    return large, people
 
 
 @kernel

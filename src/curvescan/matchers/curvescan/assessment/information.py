@@ -229,37 +229,25 @@ def count_free(parts: Floats, is_free_cur: Bools, is_free_ref: Bools) -> int:
 
 
 @kernel
-def information_matrix(information: Floats, axes: Floats, units: Floats, is_open: Bools) -> Floats:
-    """Return the (3, 3) information on a pose, zero along the principal directions that are open."""
-    matrix = np.zeros((3, 3))
+def matrices(
+    information: Floats, axes: Floats, units: Floats, is_open: Bools, open_sigma: float
+) -> tuple[Floats, Floats]:
+    """Return the (3, 3) information on a pose, zero along its open principal directions, and its covariance.
+
+    The covariance, metres and radians, has `open_sigma` along what is open, and nowhere more.
+    """
+    matrix, cov = np.zeros((3, 3)), np.zeros((3, 3))
+    least = 1.0 / (open_sigma * open_sigma)
     for k in range(3):
-        if is_open[k] or information[k] <= 0.0:
-            continue
+        known = 0.0 if is_open[k] else information[k]
         for i in range(3):
             for j in range(3):
-                matrix[i, j] += information[k] * (axes[i, k] / units[i]) * (axes[j, k] / units[j])
-    return matrix
-
-
-@kernel
-def covariance(
-    information: Floats, axes: Floats, units: Floats, is_degenerate: Bools, degenerate_sigma: float
-) -> Floats:
-    """Return the (3, 3) covariance of a pose, metres and radians, with degenerate_sigma in each open direction."""
-    cov = np.zeros((3, 3))
-    least = 1.0 / (degenerate_sigma * degenerate_sigma)
-    for k in range(3):
-        variance = 1.0 / least if is_degenerate[k] else 1.0 / max(information[k], least)
-        for i in range(3):
-            for j in range(i + 1):
-                cov[i, j] += variance * axes[i, k] * units[i] * axes[j, k] * units[j]
-        if is_degenerate[k]:
+                matrix[i, j] += (axes[i, k] / units[i]) * (axes[j, k] / units[j]) * max(known, 0.0)
+                cov[i, j] += (axes[i, k] * units[i]) * (axes[j, k] * units[j]) / max(known, least)
+        if is_open[k]:
             # an open turn about a place apart from the sensor moves it along an arc: its sagitta, to second order
-            turn = abs(axes[2, k]) * units[2] * degenerate_sigma
-            way = math.hypot(axes[0, k], axes[1, k]) * degenerate_sigma
-            cov[0, 0] += _SAGITTA2 * turn * turn * way * way
-            cov[1, 1] += _SAGITTA2 * turn * turn * way * way
-    for i in range(3):
-        for j in range(i):
-            cov[j, i] = cov[i, j]
-    return cov
+            turn = abs(axes[2, k]) * units[2] * open_sigma
+            way = math.hypot(axes[0, k], axes[1, k]) * open_sigma
+            for i in range(2):
+                cov[i, i] += _SAGITTA2 * turn * turn * way * way
+    return matrix, cov

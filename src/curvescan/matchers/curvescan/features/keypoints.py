@@ -14,7 +14,7 @@ import numpy as np
 
 from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.config import SURE_SIGMAS
-from curvescan.matchers.curvescan.features.surfels import RANGE, SUM_X, SUM_Y, X, Y, fit_line
+from curvescan.matchers.curvescan.features.surfels import RANGE, SUM_X, SUM_Y, X, Y, arms_of, distance2, fit_line
 from curvescan.types import Floats, Ints
 
 # Columns of a frame: position, direction of its frame, angle by which the surface turns there, kind.
@@ -64,26 +64,12 @@ def measure_bends(
         for i in range(start, stop):
             if i < upcoming:
                 continue
-            x, y = readings[i, X], readings[i, Y]
-            while low < i:
-                dx, dy = readings[low, X] - x, readings[low, Y] - y
-                if dx * dx + dy * dy <= arm2 or i - low <= 2:
-                    break
-                low += 1
-            high = max(high, i)
-            while high + 1 < stop:
-                dx, dy = readings[high + 1, X] - x, readings[high + 1, Y] - y
-                if dx * dx + dy * dy > arm2 and high - i >= 2:
-                    break
-                high += 1
+            low, high = arms_of(readings, i, low, high, stop, arm2)
             if i - low < 2 or high - i < 2:
                 continue
-            dx, dy = readings[low, X] - x, readings[low, Y] - y
-            if dx * dx + dy * dy < least2:
+            if distance2(readings, i, low) < least2 or distance2(readings, i, high) < least2:
                 continue
-            dx, dy = readings[high, X] - x, readings[high, Y] - y
-            if dx * dx + dy * dy < least2:
-                continue
+            x, y = readings[i, X], readings[i, Y]
             # chords to the middle of each arm, times its readings: a mean's end is half as noisy
             inx = (i - low) * x - (sums[i, SUM_X] - sums[low, SUM_X])
             iny = (i - low) * y - (sums[i, SUM_Y] - sums[low, SUM_Y])
@@ -185,16 +171,11 @@ def add_ends(
                 continue
             k = i
             way = 1 if side == 0 else -1
-            x, y = readings[i, X], readings[i, Y]
-            far = 0.0
-            while start <= k + way < stop:
-                dx, dy = readings[k + way, X] - x, readings[k + way, Y] - y
-                if dx * dx + dy * dy > arm * arm:
-                    break
-                far = dx * dx + dy * dy
+            while start <= k + way < stop and distance2(readings, i, k + way) <= arm * arm:
                 k += way
-            if abs(k - i) < 3 or far < _END_REACHED2 * arm * arm:
+            if abs(k - i) < 3 or distance2(readings, i, k) < _END_REACHED2 * arm * arm:
                 continue
+            x, y = readings[i, X], readings[i, Y]
             low, high = min(i, k), max(i, k)
             dx, dy = readings[high, X] - readings[low, X], readings[high, Y] - readings[low, Y]
             ux, uy = arm_direction(sums, low, high, dx, dy)

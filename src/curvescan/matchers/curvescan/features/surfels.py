@@ -66,6 +66,27 @@ def moments(readings: Floats) -> Floats:
     return sums
 
 
+@inlined
+def distance2(readings: Floats, i: int, j: int) -> float:
+    """Return the square of the distance between two readings, square metres."""
+    dx, dy = readings[j, X] - readings[i, X], readings[j, Y] - readings[i, Y]
+    return float(dx * dx + dy * dy)
+
+
+@inlined
+def arms_of(readings: Floats, i: int, low: int, high: int, stop: int, arm2: float) -> tuple[int, int]:
+    """Return the first and the last reading within an arm of reading i, two a side at least.
+
+    low, high: those of a reading before it on the same surface, which ends at `stop`.
+    """
+    while i - low > 2 and distance2(readings, i, low) > arm2:
+        low += 1
+    high = max(high, i)
+    while high + 1 < stop and (high - i < 2 or distance2(readings, i, high + 1) <= arm2):
+        high += 1
+    return low, high
+
+
 @kernel
 def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, float, float, float]:
     """Return the total least squares line through readings low..high, both inclusive."""
@@ -110,17 +131,7 @@ def fit_lines(readings: Floats, bounds: Ints, arm: float, sigma_min: float) -> t
         low, high = start, start
         for i in range(start, stop):
             x, y = readings[i, X], readings[i, Y]
-            while i - low > 2:
-                dx, dy = readings[low, X] - x, readings[low, Y] - y
-                if dx * dx + dy * dy <= arm * arm:
-                    break
-                low += 1
-            high = max(high, i)
-            while high + 1 < stop:
-                dx, dy = readings[high + 1, X] - x, readings[high + 1, Y] - y
-                if high - i >= 2 and dx * dx + dy * dy > arm * arm:
-                    break
-                high += 1
+            low, high = arms_of(readings, i, low, high, stop, arm * arm)
             n = high - low + 1
             fits[i, FIT_LOW], fits[i, FIT_HIGH] = low, high
             if n < 3:
