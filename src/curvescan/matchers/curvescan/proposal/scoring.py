@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
+from curvescan import se2
 from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.association import (
-    BACKWARD,
     FORWARD,
     Motion,
     associate,
@@ -26,7 +26,7 @@ from curvescan.matchers.curvescan.association import (
 from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_beside
 from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, SPACING, VARIANCE, X, Y
-from curvescan.types import Bools, Floats
+from curvescan.types import Floats
 
 # Share of the spacing of two readings on a surface by which a point of it may lie from the nearest one: half, and some
 # more where the surface is not straight.
@@ -201,28 +201,34 @@ def best_beside(
 def agreement_lost(
     pose: Floats, axis: Floats, offset: float, ref: RangeImage, cur: RangeImage, tolerance: float, slope: float
 ) -> float:
-    """Return the share of the score that is lost `offset` times the (3,) axis away from a pose, on either side at least.
+    """Return the share of the agreement at a pose that is lost `offset` times the (3,) axis away, the less of both sides.
 
-    Of the samples in sight of the other sensor at all three: what leaves its sight says nothing.
+    Of the samples whose place the other sensor saw at both poses: what leaves its sight says nothing.
     """
-    poses = pose + np.array([[-offset], [0.0], [offset]]) * axis
-    ref, cur = (
-        one._replace(samples=one.samples[in_sight(one.samples, other, poses, way)])
-        for one, other, way in ((ref, cur, BACKWARD), (cur, ref, FORWARD))
-    )
-    here, beside = (best_beside(pose, axis, np.array([off]), ref, cur, tolerance, slope) for off in (0.0, offset))
-    return 1.0 - beside / here if here > 0.0 else 0.0
+    poses = pose + np.array([[0.0], [-offset], [offset]]) * axis
+    said = np.hstack((
+        agreements(cur.samples, ref, poses, tolerance, slope),
+        agreements(ref.samples, cur, se2.inverse(poses), tolerance, slope),
+    ))  # fmt: skip
+    here = np.where(np.isnan(said[1:]), 0.0, np.nan_to_num(said[0])).sum(axis=1)
+    beside = np.where(np.isnan(said[0]), 0.0, np.nan_to_num(said[1:])).sum(axis=1)
+    return float(np.min(1.0 - beside / np.maximum(here, 1.0)))
 
 
 @kernel
-def in_sight(samples: Floats, image: RangeImage, poses: Floats, way: float) -> Bools:
-    """Return whether the samples of a scan lie, at each of some poses, at a reading of the other scan or before one."""
-    found = np.ones(samples.shape[0], dtype=np.bool_)
+def agreements(samples: Floats, image: RangeImage, poses: Floats, tolerance: float, slope: float) -> Floats:
+    """Return (p, n) how samples agree with another scan at (p, 3) poses in it; NaN where it did not see their place."""
+    said = np.empty((poses.shape[0], samples.shape[0]))
     surfels = image.surfels
-    for pose in poses:
-        placed = project(samples, motion_of(pose, way), image)
+    for p in range(poses.shape[0]):
+        motion = motion_of(poses[p], FORWARD)
+        placed = project(samples, motion, image)
         for k in range(samples.shape[0]):
+            said[p, k] = score_samples(samples, placed, k, k + 1, image, motion, tolerance, slope)
             j, _, x, y, _, _ = associate(placed, k, image)
-            reach = ALONG * surfels[j, SPACING] + surfels[j, RANGE] if j >= 0 else 0.0
-            found[k] &= x * x + y * y < reach * reach
-    return found
+            if said[p, k] == 0.0:
+                ux, uy = x - surfels[j, X], y - surfels[j, Y]
+                limit, along = tolerance + slope * surfels[j, RANGE], ALONG * surfels[j, SPACING]
+                if j < 0 or ux * ux + uy * uy >= _REACH2 * limit * limit + along * along:
+                    said[p, k] = np.nan
+    return said
