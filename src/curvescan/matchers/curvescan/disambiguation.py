@@ -42,8 +42,6 @@ _SHARE = 0.7
 # Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn.
 _LEAST_SHIFT = 0.5
 _MAX_CANDIDATES = 8
-# The best place along an open direction is known where so far off, in metres, this share of the agreement is lost.
-_APART, _TOLD = 0.8, 0.05
 _BOX = 2.3  # metres from corner to corner of what agrees: in less a robot turns round
 _STILL = -0.015  # log odds of the prior from which on it speaks for the pose there: 0.35 m, 20 degrees
 
@@ -235,8 +233,8 @@ def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, dir
         return None
     if problem.prior.is_told and (assessed.ties or first.is_open[0]):
         return None
-    lost = agreement_lost(assessed.weighed.poses[0], direction, _APART, *images, *FINE)
-    return rules.max_sigma if lost > _TOLD else None
+    lost = agreement_lost(assessed.weighed.poses[0], rules.degenerate_sigma * direction, *images, *FINE)
+    return rules.max_sigma if lost > rules.degenerate_ratio else None
 
 
 def _candidate(pose: Pose, log_odds: float, found: Assessment, is_open: Bools, known: Known) -> Candidate:

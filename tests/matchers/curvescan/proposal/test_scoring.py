@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from curvescan.matchers.curvescan.association import FORWARD, motion_of, project
 from curvescan.matchers.curvescan.config import ScoringConfig
 from curvescan.matchers.curvescan.features.range_image import place_of, reading_at, reading_beside
 from curvescan.matchers.curvescan.proposal import scoring
-from curvescan.matchers.curvescan.proposal.scoring import best_beside, score_samples, select
+from curvescan.matchers.curvescan.proposal.scoring import agreement_lost, score_samples, select
 from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
 from tests.reference import curvescan as slow
 
@@ -92,12 +93,22 @@ def test_nothing_is_chosen_from_nothing():
     assert scores.shape == (0,)
 
 
-def test_beside_the_truth_the_score_falls():
+def test_beside_the_truth_agreement_is_lost_and_along_a_bare_corridor_none():
     ref, cur = pair()
     args = (ref.image, cur.image, 0.03, 0.004)
-    here = best_beside(MOTION, np.array([1.0, 0.0, 0.0]), np.zeros(1), *args)
-    assert here == score_pose(MOTION, *args, 4096, -1.0)
-    assert best_beside(MOTION, np.array([1.0, 0.0, 0.0]), np.array([0.2, 0.4]), *args) < 0.7 * here
+    assert agreement_lost(MOTION, np.array([0.4, 0.0, 0.0]), *args) > 0.2
+    assert agreement_lost(MOTION, np.zeros(3), *args) == 0.0
+    angles = np.radians(np.arange(-90.0, 91.0))
+    with np.errstate(divide="ignore"):
+        walls = cs.LaserScan(1.0 / np.abs(np.sin(angles)), angles=angles, range_max=8.0)
+    bare = features(walls).image
+    along = np.array([1.0, 0.0, 0.0])
+    # a wall ends where the sensor sees no farther: its end says nothing
+    assert abs(agreement_lost(np.zeros(3), along, bare, bare, 0.03, 0.004)) < 0.03
+    door = np.where((angles > 0.4) & (angles < 0.7), 1.3, 1.0)
+    with np.errstate(divide="ignore"):
+        recessed = features(replace(walls, ranges=door * walls.ranges)).image
+    assert agreement_lost(np.zeros(3), along, recessed, recessed, 0.03, 0.004) > 0.05
 
 
 @pytest.mark.parametrize("wrong", [{"n_samples": 2}, {"min_inliers": 0}, {"margin": -0.1}, {"min_confidence": 2.0}])

@@ -20,7 +20,7 @@ from curvescan.matchers.curvescan.config import (
     ScoringConfig,
 )
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
-from curvescan.matchers.curvescan.proposal.scoring import FINE, best_beside
+from curvescan.matchers.curvescan.proposal.scoring import FINE, select
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine
 from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
 
@@ -134,9 +134,8 @@ def degenerate_directions(
     rules, images, is_degenerate = config.information, (ref.image, cur.image), assessment.is_open.copy()
     here, beside = 1.0, 0.0  # scores
     if assessment.is_weakly_observable(rules) and not is_degenerate[0]:
-        offsets = rules.max_sigma * _DOUBLED
-        here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *FINE)
-        beside = best_beside(pose, assessment.weakest, offsets, *images, *FINE)
+        moved = pose + rules.max_sigma * np.outer(np.append(_DOUBLED, -_DOUBLED), assessment.weakest)
+        here, beside = (select(one, *images, *FINE, 1, 4096, 0.0)[1][0] for one in (pose[np.newaxis], moved))
         is_degenerate[0] = beside > assessment.as_good(rules) * here
     return is_degenerate, beside > (1.0 - rules.degenerate_ratio) * here
 

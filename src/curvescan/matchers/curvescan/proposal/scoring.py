@@ -181,38 +181,18 @@ def select(
     return best[:n], scores[:n]
 
 
-@kernel
-def best_beside(
-    pose: Floats, axis: Floats, offsets: Floats, ref: RangeImage, cur: RangeImage, tolerance: float, slope: float
-) -> float:
-    """Return the best score of the poses beside a pose: `offsets` times the (3,) `axis` away, on both sides."""
-    best = -1.0
-    n_samples = max(ref.samples.shape[0], cur.samples.shape[0])  # a constant would be compiled for
-    placed = room_for(ref, cur)
-    moved = np.empty(3)
-    for offset in offsets:
-        for sign in (-1.0, 1.0):
-            for k in range(3):
-                moved[k] = pose[k] + sign * offset * axis[k]
-            best = max(best, score_pose(moved, ref, cur, tolerance, slope, n_samples, -1.0, placed))
-    return best
-
-
 def agreement_lost(
-    pose: Floats, axis: Floats, offset: float, ref: RangeImage, cur: RangeImage, tolerance: float, slope: float
+    pose: Floats, motion: Floats, ref: RangeImage, cur: RangeImage, tolerance: float, slope: float
 ) -> float:
-    """Return the share of the agreement at a pose that is lost `offset` times the (3,) axis away, the less of both sides.
+    """Return the share of the agreement at a pose that is lost a (3,) motion before or behind it, the less of both.
 
     Of the samples whose place the other sensor saw at both poses: what leaves its sight says nothing.
     """
-    poses = pose + np.array([[0.0], [-offset], [offset]]) * axis
-    said = np.hstack((
-        agreements(cur.samples, ref, poses, tolerance, slope),
-        agreements(ref.samples, cur, se2.inverse(poses), tolerance, slope),
-    ))  # fmt: skip
-    here = np.where(np.isnan(said[1:]), 0.0, np.nan_to_num(said[0])).sum(axis=1)
-    beside = np.where(np.isnan(said[0]), 0.0, np.nan_to_num(said[1:])).sum(axis=1)
-    return float(np.min(1.0 - beside / np.maximum(here, 1.0)))
+    poses = np.array([pose, pose - motion, pose + motion])
+    limits = tolerance, slope
+    said = agreements(cur.samples, ref, poses, *limits), agreements(ref.samples, cur, se2.inverse(poses), *limits)
+    here, *beside = np.hstack(said)
+    return min(1.0 - float(np.nansum(one + 0.0 * here) / max(np.nansum(here + 0.0 * one), 1.0)) for one in beside)
 
 
 @kernel
