@@ -209,7 +209,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "matchers": (666, 4, 0),
     "matchers/baselines": (1528, 44, 35),
     "matchers/cfsma": (1101, 15, 17),
-    "matchers/curvescan": (3996, 99, 28),
+    "matchers/curvescan": (3992, 99, 28),
     "odometry": (1938, 30, 20),
     "paper": (1608, 84, 0),
     "plots": (712, 37, 0),

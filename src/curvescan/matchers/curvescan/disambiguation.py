@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -46,19 +46,18 @@ _BOX = 2.3  # metres from corner to corner of what agrees: in less a robot turns
 _STILL = -0.015  # log odds of the prior from which on it speaks for the pose there: 0.35 m, 20 degrees
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class AssessedPose:
+class AssessedPose(NamedTuple):
     """The best candidate without what moved, and what the scans say of it."""
 
     weighed: WeighedPoses  # it, and the other candidates
-    assessment: Assessment | None = None  # of the first; None where too few readings agree
     # (3,): principal directions of the information that the scans leave open, the least informed first
     is_degenerate: Bools
+    # rows of the candidates that may be right as well and differ by a motion along the least informed direction
+    ties: list[int]
+    assessment: Assessment | None = None  # of the first; None where too few readings agree
     # whether the scans agree as well anywhere along the least informed direction; else only at the ties, if there are
     # any
     is_flat: bool = False
-    # rows of the candidates that may be right as well and differ by a motion along the least informed direction
-    ties: list[int]
     support: Support | None = None  # what speaks for the first and against it; None where too few readings agree
     known: Known = (NO_INFORMATION, NO_COVARIANCE)  # what the scans say of the first alone
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from curvescan.matchers.curvescan.assessment.confidence import MAX_REPETITION, REGULAR, WeighedPoses
@@ -22,8 +21,7 @@ class Probabilities(NamedTuple):
     unsupported: float  # the scans have nothing in common
 
 
-@dataclass(frozen=True, kw_only=True)
-class Support:
+class Support(NamedTuple):
     """What speaks for the first of some poses and against it."""
 
     log_odds: float  # that it is right and the scans have not nothing in common

@@ -46,7 +46,7 @@ def excess_lengths(surfels: Floats, codes: Codes) -> tuple[float, float]:
         seen += 1
     on_wall = readings_on_walls(lines, count)
     taken = np.zeros(count, dtype=np.bool_)
-    walls = np.full(4, -1)  # seeds: the longest, the longest across, those that face them
+    walls = np.empty(4, dtype=np.int64)  # seeds: the longest, the longest across, those that face them
     excess, beyond = total, total
     for turn in range(4):
         length, walls[turn] = longest_wall(lines, on_wall, taken, walls, turn)

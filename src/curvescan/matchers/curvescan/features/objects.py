@@ -30,22 +30,21 @@ class Objects(NamedTuple):
 def find_objects(surfels: Floats, bounds: Ints) -> tuple[Ints, Bools, Bools]:
     """Return the fields of the Objects of a scan: its surfaces of up to 1 m."""
     m = surfels.shape[0]
-    label, is_small = np.full(m, -1), np.zeros(m, dtype=np.bool_)
-    is_free = np.zeros(m, dtype=np.bool_)
-    n = 0
+    label, is_small, is_free = np.empty(m, dtype=np.int64), np.empty(m, dtype=np.bool_), np.empty(m, dtype=np.bool_)
+    n = m - m  # 0 that is no constant
     for k in range(bounds.size - 1):
         first, last = bounds[k], bounds[k + 1] - 1
         extent = extent_of(surfels, first, last)
-        if extent <= _OBJECT_EXTENT:
-            before = surfels[first - 1, RANGE] - surfels[first, RANGE] if first > 0 else _OPEN
-            behind = surfels[last + 1, RANGE] - surfels[last, RANGE] if last + 1 < m else _OPEN
-            # another person may hide one side
-            stands_free = max(before, behind) >= _STANDS_FREE and min(abs(before), abs(behind)) >= _STANDS_FREE
-            is_free[n] = extent <= PERSON_EXTENT and stands_free
-            stands_before = extent <= PERSON_EXTENT and max(before, behind) >= STANDS_BEFORE
-            for i in range(first, last + 1):
-                label[i], is_small[i] = n, stands_before
-            n += 1
+        before = surfels[first - 1, RANGE] - surfels[first, RANGE] if first > 0 else _OPEN
+        behind = surfels[last + 1, RANGE] - surfels[last, RANGE] if last + 1 < m else _OPEN
+        # another person may hide one side
+        stands_free = max(before, behind) >= _STANDS_FREE and min(abs(before), abs(behind)) >= _STANDS_FREE
+        is_free[n] = extent <= PERSON_EXTENT and stands_free
+        stands_before = extent <= PERSON_EXTENT and max(before, behind) >= STANDS_BEFORE
+        is_object = extent <= _OBJECT_EXTENT
+        for i in range(first, last + 1):
+            label[i], is_small[i] = n if is_object else -1, stands_before
+        n += is_object
     return label, is_free[:n].copy(), is_small
 
 
