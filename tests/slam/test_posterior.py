@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from curvescan import se2
+from curvescan.slam.config import NoiseConfig
 from curvescan.slam.pose_graph.cholesky import Elimination
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import optimize, squared_distances
 from curvescan.slam.pose_graph.posterior import (
+    covariances_seen_from,
     design_effect,
     heading_drift,
     own_noise,
@@ -102,3 +105,17 @@ def test_edges_side_by_side_do_not_average_the_drift_of_the_heading() -> None:
 
 def test_closures_of_loops_do_not_drift() -> None:
     assert heading_drift(np.array([[0, 30]]), np.array([[1.0, 0.0, 0.0]]), 40).tolist() == [0.0]
+
+
+def test_steps_of_a_row_that_no_match_measures_slip_alike() -> None:
+    kinds = [EdgeKind.MOTION] * 4 + [EdgeKind.MATCH] + [EdgeKind.MOTION]
+    graph = PoseGraph()
+    for k in range(len(kinds) + 1):
+        graph.add_pose(np.array([float(k), 0.0, 0.0]))
+    for k, kind in reversed(list(enumerate(kinds))):
+        variance = 0.01 if kind == EdgeKind.MOTION else 1e-4
+        graph.add_edge(k, k + 1, np.array([1.0, 0.0, 0.0]), np.diag([variance, 1e-6, 1e-8]), kind)
+    alone, alike = (covariances_seen_from(graph, 0, NoiseConfig(), in_row=share)[:, 0, 0] for share in (0.0, 1.0))
+    np.testing.assert_allclose(alone[1:5], 0.01 * np.arange(1, 5), rtol=0.02)
+    assert alike[4] == pytest.approx(0.01 * 16, rel=0.02)
+    assert alike[6] - alike[5] == pytest.approx(alone[6] - alone[5], rel=0.02)

@@ -138,8 +138,7 @@ class GrowingMap:
         shift = se2.compose(wanted, se2.inverse(poses[moved]))
         rows = np.flatnonzero(fragments == later)
         poses[rows], self._settled = se2.compose(shift, poses[rows]), None
-        fragments[rows] = earlier
-        self.fragments = fragments.tolist()
+        self.fragments = np.where(fragments == later, earlier, fragments).tolist()
 
     def adopt(self, solution: Solution) -> None:
         """Take the poses of an optimization; keyframes that came since move along with the one they hang on."""

@@ -77,9 +77,8 @@ class OpenDrive(NamedTuple):
         if not (self.is_open and self.n_measured):
             return motion
         across = float(np.linalg.eigvalsh(motion.cov[:2, :2])[0])
-        cov = np.zeros((3, 3))
-        cov[:2, :2] = across * np.eye(2) + np.outer(self.hidden, self.hidden)
-        cov[2, 2] = motion.cov[2, 2]
+        cov = np.diag([across, across, motion.cov[2, 2]])
+        cov[:2, :2] += np.outer(self.hidden, self.hidden)
         return UncertainPose(motion.pose, cov)
 
 

@@ -69,5 +69,4 @@ class Records:
 
 
 def _length(poses: Pose) -> Floats:
-    length: Floats = np.hypot(poses[:, 0], poses[:, 1]) + 0.5 * np.abs(poses[:, 2])
-    return length
+    return np.asarray(np.hypot(poses[:, 0], poses[:, 1]) + 0.5 * np.abs(poses[:, 2]))

@@ -62,8 +62,7 @@ def contour_length(points: Points) -> float:
 
 def _steps(points: Points) -> Floats:
     """Return (n - 1,) distances of neighbouring readings, metres; where a surface ends it goes on elsewhere."""
-    steps: Floats = np.minimum(np.hypot(*np.diff(points, axis=0).T), STEP_M)
-    return steps
+    return np.asarray(np.minimum(np.hypot(*np.diff(points, axis=0).T), STEP_M))
 
 
 def likely_poses(field: DistanceField, places: Points, points: Points, n_most: int) -> Pose:

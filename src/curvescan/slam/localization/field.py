@@ -22,8 +22,7 @@ from curvescan.slam.map import SlamMap
 from curvescan.types import Bools, Floats, Points
 
 ON_WALL_M = 0.12
-"""A reading that ends this near to a wall of the map shows it, metres; one in free space, twice as far from any wall,
-shows something new."""
+"""A reading this near to a wall of the map shows it, metres; one in free space, twice as far off, something new."""
 
 REACH_M = 0.4
 """A beam passes through a wall that stands this far before its end, metres; while places are searched for, readings

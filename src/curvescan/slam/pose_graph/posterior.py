@@ -23,8 +23,7 @@ _PRIOR = 30.0
 """Degrees of freedom that the covariances as they are count for: of few residuals nothing is concluded."""
 
 _DRIFT = 0.001
-"""Standard deviation by which matches in a row turn the heading over a way of a metre, radians; a radian counts as a
-metre."""
+"""Standard deviation by which matches in a row turn the heading over a way of a metre or a radian, radians."""
 
 _NEIGHBOURS = 4
 """Rows between keyframes that follow each other, at most."""
@@ -33,8 +32,11 @@ _LEAST_VARIANCE = 1e-8
 """Of a match without its floor: 0.1 mm and 0.1 mrad, squared."""
 
 
-def covariances_seen_from(graph: PoseGraph, k: int, noise: NoiseConfig) -> Cov:
-    """Return (n, 3, 3) covariance of each pose with pose k known exactly; infinite in other components."""
+def covariances_seen_from(graph: PoseGraph, k: int, noise: NoiseConfig, *, in_row: float = 0.0) -> Cov:
+    """Return (n, 3, 3) covariance of each pose with pose k known exactly; infinite in other components.
+
+    in_row: Share of the variance of steps that no match measures which a whole row of them has in common.
+    """
     poses, ends, measured, weights = graph.poses, graph.ends, graph.measured, graph.weights.copy()
     # a step that slipped is as wide as it is off
     is_step = ~graph.is_closure
@@ -48,6 +50,10 @@ def covariances_seen_from(graph: PoseGraph, k: int, noise: NoiseConfig) -> Cov:
     factor = variance_factor(off[is_match], len(poses) - int(labels.max()) - 1)
     by = np.where(is_match, factor, 1.0) * design_effect(ends, is_match, len(poses), 1.0 - KEPT)
     scaled = covariances * by[:, np.newaxis, np.newaxis]
+    steps = np.flatnonzero(graph.kinds == EdgeKind.MOTION)
+    steps = steps[np.argsort(ends[steps, 1])]
+    row = np.cumsum(np.diff(ends[steps, 1], prepend=-1) != 1)
+    scaled[steps, :2, :2] *= 1.0 + in_row * (np.bincount(row)[row] - 1)[:, np.newaxis, np.newaxis]
     scaled[:, 2, 2] += heading_drift(ends, measured, len(poses))
     anchors = first_of_each(labels)
     anchors[labels[k]] = k
@@ -64,8 +70,7 @@ def without_floor(covariances: Cov, floor: Cov) -> Cov:
     """Return (m, 3, 3) covariances of edges without a (3, 3) floor that was added to them."""
     values, vectors = np.linalg.eigh(covariances - floor)
     values = np.maximum(values, _LEAST_VARIANCE)
-    found: Cov = (vectors * values[:, np.newaxis]) @ vectors.transpose(0, 2, 1).copy()
-    return found
+    return np.asarray((vectors * values[:, np.newaxis]) @ vectors.transpose(0, 2, 1).copy())
 
 
 def design_effect(ends: Ints, is_match: Bools, n_poses: int, correlation: float) -> Floats:
@@ -132,5 +137,4 @@ def affines(angles: Floats, x: Floats | float = 0.0, y: Floats | float = 0.0) ->
 
 def carried(covariances: Cov, by: Cov) -> Cov:
     """Return (n, 3, 3) covariances of what (n, 3, 3) matrices make of errors of some, (3, 3) or (n, 3, 3)."""
-    found: Cov = by @ covariances @ by.transpose(0, 2, 1).copy()
-    return found
+    return np.asarray(by @ covariances @ by.transpose(0, 2, 1).copy())
