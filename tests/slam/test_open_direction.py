@@ -1,13 +1,15 @@
 """Open directions run along the walls, however roughly a match has them, and doors tell the place along them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import curvescan as cs
 from curvescan import se2
-from curvescan.se2.uncertain import UncertainPose
 from curvescan.simulation import World
 from curvescan.slam.open_direction import along_walls, placed
+from tests.scenes import room_scan
 
 ANGLE = 0.3
 
@@ -49,26 +51,31 @@ def views(doors: list[float], poses: list[list[float]]) -> list[cs.LaserScan]:
 FACING = [[0.0, 0.0, 0.0], [5.0, 0.1, np.pi]]
 
 
-ALONG = np.array([1.0, 0.0, 0.0])
-
-
-def guessed(short: float) -> UncertainPose:
+def guessed(short: float) -> cs.MatchResult:
     """Return a match of two views that face each other, along the corridor where a guess has it."""
-    return UncertainPose(se2.between(*np.array(FACING)) - short * ALONG, np.diag([1e4, 1e-4, 1e-5]))
+    found = cs.match(room_scan((0.0, 0.0, 0.0)), room_scan((0.1, 0.0, 0.0)))
+    pose = se2.between(*np.array(FACING)) - [short, 0.0, 0.0]
+    return replace(
+        found, pose=pose, covariance=np.diag([1.0, 1e-4, 1e-5]), degenerate_direction=np.array([1.0, 0.0, 0.0])
+    )
 
 
 @pytest.mark.parametrize("short", [-0.4, 0.0, 0.3])
 def test_views_that_face_each_other_see_through_each_other_where_doors_are_elsewhere(short):
-    found = placed(guessed(short), ALONG, *views([-4.0, 1.6, 3.5, 7.0], FACING))
-    assert found is not None
+    scans = views([-4.0, 1.6, 3.5, 7.0], FACING)
+    open_match = guessed(short)
+    found = placed(open_match, *scans)
+    assert found.degenerate_direction is None
     off = se2.between(se2.between(*np.array(FACING)), found.pose)
     np.testing.assert_allclose(off, 0.0, atol=0.06)
-    assert 0.09 < np.sqrt(found.covariance[0, 0]) < 0.5
+    assert 0.05 < np.sqrt(found.covariance[0, 0]) < 0.21
     np.linalg.cholesky(found.covariance)
 
 
 def test_bare_walls_tell_no_place():
-    assert placed(guessed(0.0), ALONG, *views([], FACING)) is None
+    scans = views([], FACING)
+    open_match = guessed(0.0)
+    assert placed(open_match, *scans) is open_match
 
 
 def test_how_the_beams_are_counted_tells_nothing():
@@ -76,8 +83,7 @@ def test_how_the_beams_are_counted_tells_nothing():
     backwards = [
         cs.LaserScan(one.ranges[::-1], angles=one.angles[::-1] + 2.0 * np.pi, range_max=one.range_max) for one in scans
     ]
-    one, other = placed(guessed(0.3), ALONG, *scans), placed(guessed(0.3), ALONG, *backwards)
-    assert one is not None
-    assert other is not None
+    open_match = guessed(0.3)
+    one, other = placed(open_match, *scans), placed(open_match, *backwards)
     np.testing.assert_allclose(one.pose, other.pose, atol=1e-12)
     np.testing.assert_allclose(one.covariance, other.covariance, atol=1e-12)

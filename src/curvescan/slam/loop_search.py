@@ -222,8 +222,9 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
         result = keyframes.match(i, keyframes.prepared(j), guess)
         closure, along = closure_of(result, expected, config, scan=index, i=i, j=j), result.degenerate_direction
         if guess and closure.is_accepted and closure.is_loop and along is not None:  # neighbours in a row err alike
-            scans, edge = (keyframes.prepared(k).scan for k in (i, j)), UncertainPose(closure.pose, closure.covariance)
-            closure = replace(closure, place=placed(edge, along, *scans))
+            edge = UncertainPose(closure.pose, closure.covariance)
+            place = placed(edge, along, keyframes.prepared(i).scan, keyframes.prepared(j).scan)
+            closure = replace(closure, place=place)
         found.append(closure)
     return found
 

@@ -32,7 +32,10 @@ _N_SLOTS = 2048
 
 
 def placed(found: UncertainPose, along: Pose, reference: LaserScan, current: LaserScan) -> UncertainPose | None:
-    """Return where a match lies along the way that it leaves open, of `along_walls`; None where no scan tells."""
+    """Return where a match lies along the way that it leaves open; None where the scans do not tell.
+
+    along (3,): as of :func:`along_walls`.
+    """
     poses = found.pose + _SHIFTS[:, np.newaxis] * along
     n = _n_through(current, reference, poses) + _n_through(reference, current, se2.inverse(poses))
     first, last = np.flatnonzero(n <= n.min() + 4 * (1.0 + math.sqrt(n.min())))[[0, -1]].tolist()  # more is no chance

@@ -67,8 +67,9 @@ class Closure:
     distance: float  # squared Mahalanobis distance from where the graph expected it; NaN where it failed
     outcome: ClosureOutcome  # what became of it
     confidence: float = math.nan  # probability that the match is right; NaN of a matcher that gives none
-    expectation: float = math.nan  # log odds that the graph gives a pose there against any nearby; NaN where it failed
-    place: UncertainPose | None = None  # the edge, where the scans tell where along an open way it lies: no evidence
+    # what the graph says for a pose there: log odds against any pose nearby; NaN where it failed
+    expectation: float = math.nan
+    place: UncertainPose | None = None  # of the edge, where the scans tell it along the way that the match leaves open
 
     @property
     def is_accepted(self) -> bool:
