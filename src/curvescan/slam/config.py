@@ -12,10 +12,12 @@ from curvescan.odometry.config import OdometryConfig
 from curvescan.types import Cov, UncertainPose
 
 GATE = 16.0
-"""Squared Mahalanobis distance up to which two estimates may be of one pose: chi-square of 3 variables, 99.9 %."""
+"""Squared Mahalanobis distance up to which two estimates may be of one pose, and beyond which an edge loses its weight:
+chi-square of 3 degrees of freedom, 99.9 %."""
 
 KEPT = OdometryConfig().keyframes.variance_retained
-"""Share of the variance of a match that belongs to the edge; the rest is common to all edges of a keyframe."""
+"""Share of the variance of a match that belongs to the edge; the rest is the keyframes' own noise, which is common to
+all of their edges."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,8 @@ from curvescan.slam.pose_graph.robust import RobustOptimum, optimize_robustly
 from curvescan.types import Cov, Floats
 
 _FROM_AFAR, _NEARBY = 0.05, 6.0
-"""Convexity to begin with: where every edge is reconsidered, and where the optimum is near that of the last job."""
+"""Convexity to begin with: where every edge is reconsidered, and where the optimum is near the one that the last job
+left."""
 
 
 class Solution(NamedTuple):

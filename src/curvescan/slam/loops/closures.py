@@ -33,7 +33,8 @@ _MOST_ODDS = math.log(99.0)
 """Most that one match says for itself: of matches of a confidence of 0.99 one in a hundred is wrong."""
 
 _ANYWHERE_M = 10.0
-"""Standard deviation of where matches of other places lie, metres. Their headings, of the walls, tell nothing."""
+"""Standard deviation of where matches of other places lie, metres. Their headings are those of the walls, and tell
+nothing."""
 
 SLIP: Cov = np.diag([_ANYWHERE_M**2, _ANYWHERE_M**2, 1.0])
 """(3, 3) covariance of what a way may have slipped and bent without the odometry noticing."""
@@ -56,20 +57,41 @@ class ClosureOutcome(Enum):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Closure:
-    """A loop-closure candidate that was matched: within the back end keyframes by row, in all records by number."""
+    """A loop-closure candidate that was matched.
 
-    scan: int  # number of the scan at which it was tried
-    i: int  # keyframe
-    j: int  # the later keyframe
-    pose: Pose  # (3,): of j in the frame of i by the match; NaN where it failed
-    covariance: Cov  # (3, 3): of the edge that it makes
-    score: float  # of the match
-    distance: float  # squared Mahalanobis distance from where the graph expected it; NaN where it failed
-    outcome: ClosureOutcome  # what became of it
-    confidence: float = math.nan  # probability that the match is right; NaN of a matcher that gives none
-    # what the graph says for a pose there: log odds against any pose nearby; NaN where it failed
+    Attributes
+    ----------
+    scan : int
+        Number of the scan at which it was tried.
+    i, j : int
+        Keyframes; j is the later one. Within the back end their rows, in all records their numbers, which stay when
+        others go.
+    pose : (3,) float64
+        Pose of j in the frame of i by the match; NaN where it failed.
+    covariance : (3, 3) float64
+        Of the edge that it makes.
+    score : float
+        Of the match.
+    confidence : float
+        Of the match: the probability that it is right; NaN of a matcher that gives none.
+    distance : float
+        Squared Mahalanobis distance from where the graph expected it; NaN where it failed.
+    outcome : ClosureOutcome
+        What became of it.
+    expectation : float
+        What the graph says for a pose there: log odds against any pose nearby; NaN where it failed.
+    """
+
+    scan: int
+    i: int
+    j: int
+    pose: Pose
+    covariance: Cov
+    score: float
+    distance: float
+    outcome: ClosureOutcome
+    confidence: float = math.nan
     expectation: float = math.nan
-    place: UncertainPose | None = None  # of the edge, where the scans tell it along the way that the match leaves open
 
     @property
     def is_accepted(self) -> bool:
@@ -93,6 +115,17 @@ def is_near(expected: UncertainPose, config: SlamConfig) -> bool:
     return away < config.closures.reach + SIGMAS * math.sqrt(expected.cov[0, 0] + expected.cov[1, 1])
 
 
+def measured(result: MatchResult) -> UncertainPose:
+    """Return the pose of a match of keyframes; the way that the scans leave open is not measured at all.
+
+    Along a corridor the heading stays measured: a little turn in a way of 100 m would open it as well.
+    """
+    if result.degenerate_direction is not None:
+        x, y, _ = result.degenerate_direction.tolist()
+        result = replace(result, degenerate_direction=np.array([x, y, 0.0]) / math.hypot(x, y))
+    return as_measurement(result)
+
+
 def closure_of(
     result: MatchResult, expected: UncertainPose, config: SlamConfig, *, scan: int, i: int, j: int
 ) -> Closure:
@@ -103,8 +136,8 @@ def closure_of(
     )  # fmt: skip
     if not result.ok:
         return tried
-    found, is_far = as_measurement(result), is_loop(i, j) and not is_near(expected, config)
-    if is_far:
+    found = measured(result)
+    if is_loop(i, j) and not is_near(expected, config):
         error = _ERROR_AFAR * math.hypot(found.pose[0], found.pose[1])
         found = UncertainPose(found.pose, found.cov + np.diag([error**2, error**2, 0.0]))
     distance = fuse(expected, found)[1]
@@ -112,8 +145,8 @@ def closure_of(
     tried = replace(tried, covariance=config.noise.edge(found.cov), distance=distance, expectation=expectation)
     if expectation + log_odds(tried) > config.closures.log_odds:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
-    # neighbours close no loop, views from afar dispute no map, and what leaves a way open agrees with the next room
-    may_wait = is_loop(i, j) and not is_far and result.degenerate_direction is None
+    # between neighbours there is no loop to close, and what leaves a direction open agrees with the next room as well
+    may_wait = is_loop(i, j) and result.degenerate_direction is None
     return replace(tried, outcome=ClosureOutcome.WAITING if may_wait else ClosureOutcome.UNEXPECTED)
 
 
