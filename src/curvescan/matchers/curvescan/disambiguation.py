@@ -9,6 +9,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from curvescan.matchers.curvescan.assessment.assessment import (
+    DOUBLED,
     Assessment,
     assess_pose,
     degenerate_directions,
@@ -233,8 +234,9 @@ def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, dir
         return None
     if problem.prior.is_told and (assessed.ties or first.is_open[0]):
         return None
-    lost = agreement_lost(assessed.weighed.poses[0], rules.degenerate_sigma * direction, *images, *FINE)
-    return rules.max_sigma if lost > rules.degenerate_ratio else None
+    way = 2.0 * DOUBLED[-1] * rules.max_sigma * direction
+    lost = agreement_lost(assessed.weighed.poses[0], way, *images, *FINE)
+    return rules.max_sigma if lost > 0.5 * rules.degenerate_ratio else None
 
 
 def _candidate(pose: Pose, log_odds: float, found: Assessment, is_open: Bools, known: Known) -> Candidate:

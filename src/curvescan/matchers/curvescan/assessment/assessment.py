@@ -25,7 +25,7 @@ from curvescan.matchers.curvescan.refinement import EXACTLY, refine
 from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
 
 # How far along a weak direction the scans are compared, in what it is known to where it just counts as known.
-_DOUBLED: Floats = np.array([1.0, 2.0, 4])
+DOUBLED: Floats = np.array([1.0, 2.0, 4])
 
 
 class Assessment(NamedTuple):
@@ -134,7 +134,7 @@ def degenerate_directions(
     rules, images, is_degenerate = config.information, (ref.image, cur.image), assessment.is_open.copy()
     here, beside = 1.0, 0.0  # scores
     if assessment.is_weakly_observable(rules) and not is_degenerate[0]:
-        moved = pose + rules.max_sigma * np.outer(np.append(_DOUBLED, -_DOUBLED), assessment.weakest)
+        moved = pose + rules.max_sigma * np.outer(np.append(DOUBLED, -DOUBLED), assessment.weakest)
         here, beside = (select(one, *images, *FINE, 1, 4096, 0.0)[1][0] for one in (pose[np.newaxis], moved))
         is_degenerate[0] = beside > assessment.as_good(rules) * here
     return is_degenerate, beside > (1.0 - rules.degenerate_ratio) * here
