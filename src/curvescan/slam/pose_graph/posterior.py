@@ -50,16 +50,16 @@ def covariances_seen_from(graph: PoseGraph, k: int, noise: NoiseConfig, *, in_ro
     factor = variance_factor(off[is_match], len(poses) - int(labels.max()) - 1)
     by = np.where(is_match, factor, 1.0) * design_effect(ends, is_match, len(poses), 1.0 - KEPT)
     scaled = covariances * by[:, np.newaxis, np.newaxis]
-    steps = np.flatnonzero(graph.kinds == EdgeKind.MOTION)
-    steps = steps[np.argsort(ends[steps, 1])]
-    row = np.cumsum(np.diff(ends[steps, 1], prepend=-1) != 1)
-    scaled[steps, :2, :2] *= 1.0 + in_row * (np.bincount(row)[row] - 1)[:, np.newaxis, np.newaxis]
+    if in_row > 0.0:
+        steps = np.flatnonzero(graph.kinds == EdgeKind.MOTION)
+        steps = steps[np.argsort(ends[steps, 1])]
+        row = np.cumsum(np.diff(ends[steps, 1], prepend=-1) != 1)
+        scaled[steps, :2, :2] *= 1.0 + in_row * (np.bincount(row)[row] - 1)[:, np.newaxis, np.newaxis]
     scaled[:, 2, 2] += heading_drift(ends, measured, len(poses))
     anchors = first_of_each(labels)
     anchors[labels[k]] = k
     used = np.flatnonzero(weights > 0.0)
-    edges = Edges.of(ends, measured, scaled).chosen(used)
-    found = marginal_covariances(poses, edges, weights[used], anchors)
+    found = marginal_covariances(poses, Edges.of(ends, measured, scaled).chosen(used), weights[used], anchors)
     found[labels != labels[k]] = LOST_COVARIANCE
     # what each of both scans adds to all of its edges; of what a match leaves open it says nothing
     common = (1.0 - KEPT) / (2.0 * KEPT) * covariances

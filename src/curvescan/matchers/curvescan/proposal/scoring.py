@@ -181,18 +181,17 @@ def select(
     return best[:n], scores[:n]
 
 
-def agreement_lost(
-    pose: Floats, motion: Floats, ref: RangeImage, cur: RangeImage, tolerance: float, slope: float
-) -> float:
+def agreement_lost(pose: Floats, motion: Floats, ref: RangeImage, cur: RangeImage, *limits: float) -> float:
     """Return the share of the agreement at a pose that is lost a (3,) motion before or behind it, the less of both.
 
-    Of the samples whose place the other sensor saw at both poses: what leaves its sight says nothing.
+    Of samples whose place the other sensor saw at both poses: what leaves its sight says nothing. limits: as of FINE.
     """
     poses = np.array([pose, pose - motion, pose + motion])
-    limits = tolerance, slope
-    said = agreements(cur.samples, ref, poses, *limits), agreements(ref.samples, cur, se2.inverse(poses), *limits)
-    here, *beside = np.hstack(said)
-    return min(1.0 - float(np.nansum(one + 0.0 * here) / max(np.nansum(here + 0.0 * one), 1.0)) for one in beside)
+    views = (cur.samples, ref, poses), (ref.samples, cur, se2.inverse(poses))
+    said = np.hstack([agreements(*view, *limits) for view in views])
+    is_seen = np.isfinite(said[0] + said[1:])
+    before, after = (np.where(is_seen, at, 0.0).sum(axis=1) for at in (said[0], said[1:]))
+    return float((1.0 - after / np.maximum(before, 1.0)).min())
 
 
 @kernel
@@ -204,11 +203,12 @@ def agreements(samples: Floats, image: RangeImage, poses: Floats, tolerance: flo
         motion = motion_of(poses[p], FORWARD)
         placed = project(samples, motion, image)
         for k in range(samples.shape[0]):
-            said[p, k] = score_samples(samples, placed, k, k + 1, image, motion, tolerance, slope)
             j, _, x, y, _, _ = associate(placed, k, image)
-            if said[p, k] == 0.0:
+            said[p, k] = np.nan
+            if j >= 0:
+                said[p, k] = score_samples(samples, placed, k, k + 1, image, motion, tolerance, slope)
                 ux, uy = x - surfels[j, X], y - surfels[j, Y]
                 limit, along = tolerance + slope * surfels[j, RANGE], ALONG * surfels[j, SPACING]
-                if j < 0 or ux * ux + uy * uy >= _REACH2 * limit * limit + along * along:
+                if said[p, k] == 0.0 and ux * ux + uy * uy >= _REACH2 * limit * limit + along * along:
                     said[p, k] = np.nan
     return said
