@@ -189,8 +189,8 @@ NAMED = (
     _named(
         "a step that slipped loses its weight for good",
         "slam/pose_graph/robust.py",
-        "new = np.maximum(tls_weights(distances, GATE, convexity), least)",
-        "new = tls_weights(distances, GATE, convexity)",
+        "new = np.maximum(tls_weights(distances, limits, convexity), least)",
+        "new = tls_weights(distances, limits, convexity)",
         "slam/test_robust.py",
     ),
     _named(

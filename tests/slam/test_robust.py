@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from curvescan import se2
+from curvescan.slam.jobs import optimized
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges
 from curvescan.slam.pose_graph.robust import optimize_robustly, tls_weights
 from tests.slam.graphs import SIGMAS, dead_reckoning, ladder, loop, measured_edges
@@ -65,3 +67,16 @@ def test_weights_of_truncated_least_squares() -> None:
     weights = tls_weights(np.array([0.0, 1.0, 16.0, 1e9]), 16.0, 1.0)
     # inner bound 8, outer 32; between them sqrt(limit mu (mu + 1) / d) - mu
     assert weights == pytest.approx([1.0, 1.0, np.sqrt(2.0) - 1.0, 0.0])
+
+
+@pytest.mark.parametrize(("sigmas_off", "is_kept"), [(5.0, True), (10.0, False)])
+def test_a_step_is_given_up_where_a_slip_that_may_lead_anywhere_is_likelier(sigmas_off: float, is_kept: bool) -> None:
+    graph, spread = PoseGraph(), np.diag([0.12, 0.12, 0.01]) ** 2  # a slip anywhere: 16 + 2 log(10^2 / 0.12^2) = 33.7
+    for x in (0.0, 0.5):
+        graph.add_pose(np.array([x, 0.0, 0.0]))
+    graph.add_edge(0, 1, np.array([0.5, 0.0, 0.0]), spread, EdgeKind.MOTION)
+    for _ in range(8):
+        graph.add_edge(0, 1, np.array([0.5 + 0.12 * sigmas_off, 0.0, 0.0]), 1e-4 * np.eye(3), EdgeKind.CLOSURE)
+    weights = optimized(graph, weights=None).weights
+    assert weights[1:].min() == 1.0
+    assert bool(weights[0] == 1.0) is is_kept

@@ -15,6 +15,9 @@ GATE = 16.0
 """Squared Mahalanobis distance up to which two estimates may be of one pose, and beyond which an edge loses its weight:
 chi-square of 3 degrees of freedom, 99.9 %."""
 
+ANYWHERE_M = 10.0
+"""Standard deviation of where a slip leads, and of where matches of other places lie, metres."""
+
 KEPT = OdometryConfig().keyframes.variance_retained
 """Share of the variance of a match that belongs to the edge; the rest is the keyframes' own noise, which is common to
 all of their edges."""

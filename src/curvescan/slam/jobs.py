@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from curvescan.slam.config import NoiseConfig
+import numpy as np
+
+from curvescan.slam.config import ANYWHERE_M, GATE, NoiseConfig
 from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges
 from curvescan.slam.pose_graph.posterior import covariances_seen_from
@@ -35,6 +37,15 @@ def solve(graph: PoseGraph, current: int, noise: NoiseConfig, is_last: bool) -> 
 
 
 def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: float = _FROM_AFAR) -> RobustOptimum:
-    """Return the robust optimum of a graph, begun with some weights; None for all edges in full."""
+    """Return the robust optimum of a graph, begun with some weights; None for all edges in full.
+
+    A closure beyond the gate may be a false match. A step that slipped may lead anywhere, which is as much less likely
+    as it is narrow: else one step takes all of what a long way errs by.
+    """
     edges = Edges.of(graph.ends, graph.measured, graph.edge_covariances)
-    return optimize_robustly(graph.poses, edges, graph.least_weights, weights=weights, least_convexity=least_convexity)
+    spread = graph.edge_covariances[:, :2, :2]
+    anywhere = np.linalg.det(spread + ANYWHERE_M**2 * np.eye(2)) / np.linalg.det(spread)
+    limits = GATE + np.where(graph.is_closure, 0.0, np.log(anywhere))
+    return optimize_robustly(
+        graph.poses, edges, graph.least_weights, limits, weights=weights, least_convexity=least_convexity
+    )

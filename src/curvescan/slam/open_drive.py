@@ -24,8 +24,6 @@ UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 _MEMORY = 10
 """Scans over which the usual motion is averaged."""
 
-_NONE = np.zeros(2)
-
 
 def between_steps(origin: Step, step: Step) -> UncertainPose:
     """Return the pose of a step in the frame of an earlier one, with what was added to the covariance since."""
@@ -41,8 +39,8 @@ def between_steps(origin: Step, step: Step) -> UncertainPose:
 class OpenDrive(NamedTuple):
     """The way that open directions hide since the last keyframe."""
 
-    usual: Floats = _NONE  # (2,), metres: motion from a scan to the next as a rule, frame of the sensor
-    hidden: Floats = _NONE  # what the odometry may have left out since the keyframe, frame of that
+    usual: Floats = np.zeros(2)  # (2,), metres: motion from a scan to the next as a rule, frame of the sensor
+    hidden: Floats = np.zeros(2)  # what the odometry may have left out since the keyframe, frame of that
     n_measured: int = 0  # scans that measured all of the motion: before the first nothing is usual
     # since the keyframe
     turned: float = 0.0  # radians

@@ -44,12 +44,10 @@ from curvescan.slam.records import Records
 from curvescan.types import Ints, Pose
 
 _VAGUE = 0.3
-"""A new keyframe is due when the way since the last one is known no better than this, metres: along a bare corridor the
-odometry may stand still while the sensor moves."""
+"""A new keyframe is due when the way since the last one is known no better than this, metres."""
 
 _N_LEAST, _GROWTH = 10, 0.05
-"""Keyframes between two optimizations, and share by which the graph grows, at the least; at once where a loop closes
-that the graph did not expect."""
+"""Keyframes between two optimizations, and share by which the graph grows, at the least, unless a loop closes."""
 
 _N_ADOPT = 60
 """Scans between the start of an optimization and its result."""

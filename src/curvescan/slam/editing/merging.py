@@ -22,8 +22,7 @@ from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Bools, Cov, Ints, Pose
 
 _N_ALIKE, _MOST_VIEWS = 3, 200
-"""Keyframes of one map that each one of the other is matched with, and how many of the other, evenly chosen, at
-most."""
+"""Keyframes of one map that each one of the other is matched with, and how many of the other at most."""
 
 _AGREES_M, _AGREES_RAD = 0.5, 0.1
 """Two matches agree when they put the one map in the other within this: maps bend by as much over tens of metres."""

@@ -26,8 +26,7 @@ LOG_ODDS = 20.0
 """Log odds of one unit of agreement with the map."""
 
 WRONG, _DOUBT = 0.01, 0.1
-"""Probability that a fix, an initial pose or a sure match is wrong, and that the sensor was carried away where no sure
-match measured its motion."""
+"""Probability that a fix, an initial pose or a sure match is wrong, and that a sensor was carried away unmeasured."""
 
 _MOST = 3.0
 """The most that views on the way say of a track, in units of agreement: motions that seem sure may err too."""

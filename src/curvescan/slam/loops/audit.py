@@ -32,22 +32,11 @@ _BENT_M = 0.5
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Contradiction:
-    """Sure matches that agree with each other and contradict the finished map.
+    """Sure matches that agree with each other and contradict the finished map."""
 
-    Attributes
-    ----------
-    place : (2,) float64
-        Mean place of the later keyframes in the map, metres.
-    pairs : (n, 2) int64
-        Numbers of the keyframes of each match; the later one second.
-    off : (3,) float64
-        Median of where the matches put the later keyframe, seen from where the map has it: x, y, theta; metres and
-        radians.
-    """
-
-    place: Floats
-    pairs: Ints
-    off: Pose
+    place: Floats  # (2,): mean place of the later keyframes in the map, metres
+    pairs: Ints  # (n, 2): numbers of the keyframes of each match; the later one second
+    off: Pose  # (3,): median of where the matches put the later keyframe, seen from where the map has it
 
     @property
     def count(self) -> int:

@@ -17,7 +17,7 @@ from curvescan import se2
 from curvescan.matchers import MatchResult
 from curvescan.odometry.measurement import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
-from curvescan.slam.config import SlamConfig
+from curvescan.slam.config import ANYWHERE_M, SlamConfig
 from curvescan.types import Bools, Cov, Pose
 
 _N_NEIGHBOURS = 10
@@ -32,11 +32,7 @@ _ERROR_AFAR = 0.03
 _MOST_ODDS = math.log(99.0)
 """Most that one match says for itself: of matches of a confidence of 0.99 one in a hundred is wrong."""
 
-_ANYWHERE_M = 10.0
-"""Standard deviation of where matches of other places lie, metres. Their headings are those of the walls, and tell
-nothing."""
-
-SLIP: Cov = np.diag([_ANYWHERE_M**2, _ANYWHERE_M**2, 1.0])
+SLIP: Cov = np.diag([ANYWHERE_M**2, ANYWHERE_M**2, 1.0])
 """(3, 3) covariance of what a way may have slipped and bent without the odometry noticing."""
 
 
@@ -175,7 +171,7 @@ def expectation_of(off: Pose, cov: Cov, config: SlamConfig) -> float:
 
 def _gained(off: Pose, cov: Cov) -> float:
     (xx, xy, _), (_, yy, _), _ = cov.tolist()
-    anywhere = (xx + _ANYWHERE_M**2) * (yy + _ANYWHERE_M**2) - xy * xy
+    anywhere = (xx + ANYWHERE_M**2) * (yy + ANYWHERE_M**2) - xy * xy  # headings, of the walls, tell nothing
     gained = math.log(abs(anywhere / (xx * yy - xy * xy)))
     distance = fuse(UncertainPose(np.zeros(3), cov), UncertainPose(off, np.zeros((3, 3))))[1]
     return 0.5 * (gained - distance) if math.isfinite(distance) else -math.inf

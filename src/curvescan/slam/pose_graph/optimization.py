@@ -19,8 +19,7 @@ from curvescan.slam.pose_graph.cholesky import Elimination, factorized, inverse_
 from curvescan.types import Cov, Floats, Ints, Pose
 
 _SHORT = 0.1
-"""Metres and radians: after a step no longer than this the information matrix is still the same, and its factorization
-is used again."""
+"""Metres and radians: after a step no longer than this the factorization of the information matrix is used again."""
 
 
 class Edges(NamedTuple):

@@ -1,8 +1,8 @@
 """Robust optimization: which edges are consistent with each other, by graduated non-convexity.
 
 Yang, Antonante, Tzoumas and Carlone, "Graduated non-convexity for robust spatial perception", RA-L 2020, with truncated
-least squares (GNC-TLS): an edge counts in full up to GATE squared Mahalanobis distance and not at all beyond, and
-the cost becomes so by steps from a convex one. An edge that lost its weight may win it back at any step.
+least squares (GNC-TLS): an edge counts in full up to a squared Mahalanobis distance and not at all beyond, and the
+cost becomes so by steps from a convex one. An edge that lost its weight may win it back at any step.
 """
 
 from __future__ import annotations
@@ -34,21 +34,28 @@ class RobustOptimum:
 
 
 def optimize_robustly(
-    poses: Pose, edges: Edges, least: Floats, *, weights: Floats | None = None, least_convexity: float = 0.0
+    poses: Pose,
+    edges: Edges,
+    least: Floats,
+    limits: Floats | float = GATE,
+    *,
+    weights: Floats | None = None,
+    least_convexity: float = 0.0,
 ) -> RobustOptimum:
     """Return the poses that most of the edges agree on, and which edges do; the first of each component stays.
 
-    poses (n, 3); least (m,): weight that each edge keeps; weights (m,): to begin with; None for 1.
+    poses (n, 3); least (m,): weight that each edge keeps; limits (m,): squared distance beyond which each loses it;
+    weights (m,): to begin with; None for 1.
     """
     m = len(edges.ends)
     weights = np.ones(m) if weights is None else np.maximum(weights, least)
     elimination = Elimination.of(edges.ends, len(poses))
     poses = _optimum(poses, edges, weights, elimination)
     distances = squared_distances(poses, edges)
-    worst = distances.max(initial=0.0)
-    convexity = max(GATE / max(2.0 * worst - GATE, 1e-12), least_convexity)
-    while worst > GATE and convexity < _STEEPEST:
-        new = np.maximum(tls_weights(distances, GATE, convexity), least)
+    worst = (distances / limits).max(initial=0.0)
+    convexity = max(1.0 / max(2.0 * worst - 1.0, 1e-12), least_convexity)
+    while worst > 1.0 and convexity < _STEEPEST:
+        new = np.maximum(tls_weights(distances, limits, convexity), least)
         settled = bool(np.all((new == least) | (new == 1.0)) and np.array_equal(new, weights))
         weights = new
         if settled:
@@ -59,7 +66,7 @@ def optimize_robustly(
     return RobustOptimum(poses=poses, weights=weights, distances=distances)
 
 
-def tls_weights(distances: Floats, limit: float, convexity: float) -> Floats:
+def tls_weights(distances: Floats, limit: Floats | float, convexity: float) -> Floats:
     """Return (m,) weights in [0, 1] by squared Mahalanobis distances (Yang et al. 2020, eq. 14)."""
     inner, outer = convexity / (convexity + 1.0) * limit, (convexity + 1.0) / convexity * limit
     with np.errstate(divide="ignore"):
