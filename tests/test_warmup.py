@@ -36,7 +36,6 @@ from curvescan.mapping.run_maps import build_maps
 from curvescan.odometry import run_odometry
 from curvescan.slam.loops.agreement import _clique
 from curvescan.slam.loops.cycles import cycle_distances
-from curvescan.slam.thinning import newer_beside
 
 sensor = replace(SENSORS["spinning-360"], time_increment=0.1 / 360)
 # a loop, a leap to where it has not been, and back: failures and recovery
@@ -46,7 +45,7 @@ scans, wheels = [sim[i] for i in rows], sim.odometry.poses[rows]
 cs.warm_up()
 before = variants()
 # of long drives, and of closures that wait for others: the drive below may need none of them
-assert [len(k.signatures) for k in (newer_beside, _clique, cycle_distances)] == [1, 1, 1]
+assert [len(k.signatures) for k in (_clique, cycle_distances)] == [1, 1]
 run_odometry(scans, cs.Odometry(), odometry_poses=wheels)
 run = run_odometry(scans, cs.Odometry())
 assert {"PREDICTED", "LOST", "MATCHED"} <= {o.name for o in run.outcomes}

@@ -138,7 +138,6 @@ def _map_and_localize(method: str, laps: Pose) -> None:
     # SciPy's sparse matrices take their time to load
     from curvescan.slam import Localizer, Slam
     from curvescan.slam.config import ClosuresConfig, KeyframesConfig, PlacesConfig, SlamConfig
-    from curvescan.slam.thinning import newer_beside
 
     # keyframes that stand near, go soon, and close loops only where several agree
     often = SlamConfig(
@@ -151,8 +150,6 @@ def _map_and_localize(method: str, laps: Pose) -> None:
     for scan in scans:
         slam.add(scan)
     slam.finish()
-    # of long drives alone
-    newer_beside(0, laps, np.zeros(len(laps), dtype=np.int64), np.ones(len(laps), dtype=np.bool_), _RADIUS_M)
     localizer = Localizer(slam.map)
     for scan in scans[:4]:
         localizer.add(scan)

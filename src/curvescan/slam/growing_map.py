@@ -105,7 +105,8 @@ class GrowingMap:
     def _steps(self, first: int, stop: int) -> tuple[Pose, Cov]:
         """Return some keyframes, each seen from the one before it, (n, 3) and (n, 3, 3): the steps of the graph."""
         i, j = self.graph.ends.T
-        rows = np.flatnonzero(~self.graph.is_closure & (j == i + 1) & (j >= first) & (j < stop))
+        rows = np.flatnonzero((j >= first) & (j < stop))
+        rows = rows[(self.graph.kinds[rows] != EdgeKind.CLOSURE) & (j[rows] == i[rows] + 1)]
         steps, covariances = np.zeros((stop - first, 3)), np.tile(LOST_COVARIANCE, (stop - first, 1, 1))
         at = j[rows] - first
         steps[at], covariances[at] = self.graph.measured[rows], self.graph.edge_covariances[rows]

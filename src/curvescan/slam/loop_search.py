@@ -254,6 +254,6 @@ def choose_candidates(
     if seen is None:
         return [int(i) for i in sure]
     vague = np.flatnonzero(is_near & ~is_certain)
-    similarity = keyframes.index.similarity(seen, vague)
+    similarity = keyframes.index.similarity(seen)[vague]
     order = np.argsort(-similarity, kind="stable")[: np.count_nonzero(similarity >= _MIN_SIMILARITY)]
     return [*sure.tolist(), *vague[order[:_N_UNCERTAIN]].tolist()]

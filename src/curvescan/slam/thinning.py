@@ -11,9 +11,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import KDTree
 
-from curvescan._jit import kernel
-from curvescan.se2.uncertain import UncertainPose, compose, inverse, wrap_angle
+from curvescan import se2
+from curvescan.se2.uncertain import UncertainPose, compose, inverse
 from curvescan.slam.config import PlacesConfig
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, is_whole
 from curvescan.types import Bools, Cov, Ints, Pose
@@ -50,8 +51,9 @@ def thin(
     """
     is_kept = np.ones(graph.n_poses, dtype=np.bool_)
     gone: dict[int, tuple[int, UncertainPose]] = {}
+    beside = KDTree(graph.poses[:, :2]).query_ball_point(graph.poses[:n_settled, :2], rules.radius, return_sorted=True)
     for v in range(1, n_settled):  # the first keyframe is the map's frame
-        newer = newer_beside(v, graph.poses, fragments, is_kept, rules.radius)
+        newer = newer_alike(v, beside[v], graph.poses, fragments, is_kept, rules)
         tie = best_tie(graph, v, newer) if len(newer) >= rules.n_keyframes else None
         if tie is not None:
             gone[v] = carry_over(graph, v, tie)
@@ -59,19 +61,14 @@ def thin(
     return is_kept, gone
 
 
-@kernel
-def newer_beside(v: int, poses: Pose, fragments: Ints, is_kept: Bools, radius: float) -> Ints:
-    """Return the later poses of a fragment that are kept and lie within a radius of pose v, metres and radians."""
-    found = np.empty(len(poses), dtype=np.int64)
-    n = 0
-    for u in range(v + 1, len(poses)):
-        dx, dy = poses[u, 0] - poses[v, 0], poses[u, 1] - poses[v, 1]
-        if dx * dx + dy * dy >= radius * radius or not is_kept[u] or fragments[u] != fragments[v]:
-            continue
-        if abs(wrap_angle(poses[u, 2] - poses[v, 2])) < radius:
-            found[n] = u
-            n += 1
-    return found[:n].copy()
+def newer_alike(v: int, beside: list[int], poses: Pose, fragments: Ints, is_kept: Bools, rules: PlacesConfig) -> Ints:
+    """Return the later poses beside pose v that are of its fragment, kept, and look its way; none where few are beside.
+
+    beside: rows within the radius of a place, ascending, v among them.
+    """
+    newer = np.array([u for u in beside if u > v] if len(beside) > rules.n_keyframes else [], dtype=np.int64)
+    is_alike = is_kept[newer] & (fragments[newer] == fragments[v])
+    return np.asarray(newer[is_alike & (np.abs(se2.wrap(poses[newer, 2] - poses[v, 2])) < rules.radius)])
 
 
 def best_tie(graph: PoseGraph, v: int, among: Ints) -> int | None:

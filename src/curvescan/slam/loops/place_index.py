@@ -25,7 +25,6 @@ _STEP = 0.5
 """Width of a bin of distance, metres; pairs farther apart than 8 m are left out."""
 
 SIGNATURE_SIZE = N_DISTANCES * N_BEARINGS * N_KINDS
-_ALL = slice(None)
 Signature = NDArray[np.float32]
 """(SIGNATURE_SIZE,) float32 of unit length, or zeros where a scan has too few keypoints."""
 
@@ -44,9 +43,9 @@ class PlaceIndex(Rows):
     def __init__(self) -> None:
         super().__init__((SIGNATURE_SIZE,), np.float32)
 
-    def similarity(self, other: Signature, rows: Ints | slice = _ALL) -> Floats:
-        """Return (n,) how alike each keyframe, or each of some, is to a scan, in [0, 1]."""
-        return np.asarray(self.array[rows] @ other, dtype=np.float64)
+    def similarity(self, other: Signature) -> Floats:
+        """Return (n,) how alike each keyframe is to a scan, in [0, 1]."""
+        return np.asarray(self.array @ other, dtype=np.float64)
 
     def most_similar(self, other: Signature, n_most: int) -> Ints:
         """Return the keyframes most like a scan, the most alike first."""
