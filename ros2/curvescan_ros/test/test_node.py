@@ -2,6 +2,7 @@
 
 import time
 from collections import Counter
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +15,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import LaserScan
 
 import curvescan
+from conftest import save_scans
 from curvescan import se2
+from curvescan.diagnostics.preparation import StreamMender
 from curvescan.io.ros.messages import scan_of
 from curvescan.live.base_motion import BaseMotion
 
@@ -70,6 +73,25 @@ def test_every_scan_is_answered_and_equals_offline_to_the_bit(bench, scans, scan
     values = {item.key: item.value for item in status.values}
     assert int(values["scans"]) == len(scans)
     assert int(values["lost by the middleware"]) == 0
+
+
+@pytest.mark.parametrize("as_is", [False, True])
+def test_codes_for_no_return_are_left_out_unless_they_are_to_be_kept(bench, tmp_path, as_is):
+    rng, spoilt = np.random.default_rng(5), []
+    for scan in curvescan.simulate("office", sensor="spinning-360", n_scans=130, seed=2):
+        ranges = np.where(rng.random(len(scan)) < 0.05, 33.0, scan.ranges)
+        spoilt.append(replace(scan, ranges=ranges, range_max=40.0))
+    said = []
+    mender = StreamMender(said.append)
+    heard = [as_message_has_it(scan, spoilt[0]) for scan in spoilt]
+    mended = [mender.add(scan) for scan in heard]
+    made = bench(as_is=as_is)
+    made.play(save_scans(tmp_path / "spoilt.npz", spoilt), 40.0)
+    expected = list(offline(made.odom, heard if as_is else mended))
+    assert [message.pose.pose for message in made.odom] == [message.pose.pose for message in expected]
+    (sentence,) = said
+    assert sentence.startswith("from scan 100 on ignored: readings beyond")
+    assert any(np.any(one.valid != other.valid) for one, other in zip(mended, heard, strict=True))
 
 
 def test_what_is_missing_is_said(bench):
