@@ -9,12 +9,12 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
-from curvescan.matchers import MatchResult, find_matcher
+from curvescan.matchers import MatchResult, PreparedScan, find_matcher
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamConfig
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.loop_search import choose_candidates
-from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, difference
+from curvescan.slam.loop_search import Candidate, choose_candidates, matched
+from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, difference, log_odds
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +63,13 @@ def test_a_slip_costs_the_same_however_far_and_more_where_it_turns(result: Match
     np.testing.assert_allclose([one, another], -7.3, atol=0.15)
     # a corridor seen from its other end
     assert _tested(result, 0.0, 0.02, turn=np.pi).expectation < -12.0
+
+
+def test_a_match_loses_odds_by_the_share_that_one_scan_sees_through_of_the_other(result: MatchResult) -> None:
+    clear, doubtful, false = (dataclasses.replace(_tested(result), seen_through=share) for share in (0.04, 0.1, 0.5))
+    assert log_odds(clear) == log_odds(_tested(result)) == pytest.approx(np.log(19.0))
+    assert log_odds(clear) - log_odds(doubtful) == pytest.approx(2.0 * np.log(2.0))
+    assert log_odds(false) < -1.0
 
 
 def test_what_is_seen_from_afar_errs_more_than_it_says(result: MatchResult) -> None:
@@ -119,3 +126,22 @@ def test_neighbours_are_not_tied_where_nothing_tells_how_they_lie(result: MatchR
 def test_a_loop_closure_links_keyframes_far_apart_along_the_path(result: MatchResult) -> None:
     for j, is_loop in ((9, False), (10, False), (11, True), (500, True)):
         assert _tested(result, j=j).is_loop is is_loop
+
+
+class Decided(Keyframes):
+    """Keyframes whose matches a guess decides between several places."""
+
+    def match(self, i: int, current: PreparedScan, prior: UncertainPose | None) -> MatchResult:
+        return dataclasses.replace(super().match(i, current, prior), is_guess_decisive=True)
+
+
+@pytest.mark.parametrize(("kind", "is_known"), [(Keyframes, True), (Decided, False)])
+def test_the_way_between_places_that_a_guess_decides_between_is_open(kind: type[Keyframes], is_known: bool) -> None:
+    scans = cs.simulate("office", seed=1, n_scans=3, odometry_noise=None)
+    keyframes, poses = kind(find_matcher("curvescan")), np.zeros((13, 3))
+    for scan in [scans[0]] * 12 + [scans[2]]:
+        keyframes.add(scan, 0)
+    poses[12] = se2.between(*scans.truth.poses[[0, 2]])
+    [found] = matched(keyframes, poses, SlamConfig(), 0, [Candidate(0, 12, 1e-4 * np.eye(3))])
+    assert found.is_accepted
+    assert bool(np.linalg.eigvalsh(found.covariance[:2, :2])[1] < 1.0) is is_known

@@ -12,15 +12,13 @@ from curvescan.odometry.config import OdometryConfig
 from curvescan.types import Cov, UncertainPose
 
 GATE = 16.0
-"""Squared Mahalanobis distance up to which two estimates may be of one pose, and beyond which an edge loses its weight:
-chi-square of 3 degrees of freedom, 99.9 %."""
+"""Squared Mahalanobis distance up to which two estimates may be of one pose: chi-square of 3 variables, 99.9 %."""
 
 ANYWHERE_M = 10.0
 """Standard deviation of where a slip leads, and of where matches of other places lie, metres."""
 
 KEPT = OdometryConfig().keyframes.variance_retained
-"""Share of the variance of a match that belongs to the edge; the rest is the keyframes' own noise, which is common to
-all of their edges."""
+"""Share of the variance of a match that belongs to the edge; the rest is common to all edges of a keyframe."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,8 +30,7 @@ class KeyframesConfig:
     turn: float = 0.5
     """A new keyframe is due when the sensor has turned by this much, radians."""
     n_lost: int = 8
-    """Scans in a row that neither a match nor wheels place, after which nothing is known of the motion: the next
-    keyframe begins a fragment."""
+    """Scans in a row that neither a match nor wheels place, after which the next keyframe begins a fragment."""
 
     def __post_init__(self) -> None:
         _require_positive(self, "distance", "turn")
@@ -47,8 +44,7 @@ class PlacesConfig:
     n_keyframes: int = 4
     """Newer keyframes of the same place from which on an older one goes."""
     radius: float = 0.4
-    """Keyframes this near to each other show the same place, metres; they also look the same way within as many
-    radians."""
+    """Keyframes this near to each other, metres and radians, show the same place."""
 
     def __post_init__(self) -> None:
         _require_positive(self, "radius")
@@ -111,8 +107,7 @@ class ClosuresConfig:
     matches_per_scan: int = 3
     """Matches made for each scan that is added; the rest waits."""
     log_odds: float = 8.0
-    """Least log odds of a closure, or of a set of them that agree: its matches' own, where the graph expects it, less
-    what contradicts it."""
+    """Least log odds of a set of closures that agree: of its matches, where the graph has it, less what contradicts."""
 
     def __post_init__(self) -> None:
         _require_positive(self, "reach", "certain_m", "log_odds")

@@ -10,13 +10,14 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.odometry.gaps import LOST_COVARIANCE
+from curvescan.odometry.measurement import as_measurement
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.jobs import Solution
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.belief import Belief
-from curvescan.slam.loops.closures import Closure, difference, measured
+from curvescan.slam.loops.closures import Closure, difference
 from curvescan.slam.loops.cycles import Chain
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, components
@@ -69,7 +70,7 @@ class GrowingMap:
         self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
         result, kind = self.keyframes.match(before, self.keyframes.prepared(k), None), EdgeKind.MOTION
         if result.ok:
-            found = measured(result)
+            found = as_measurement(result)
             found = UncertainPose(found.pose, noise.edge(found.cov))
             fused, distance = fuse(step, found)
             if distance >= GATE:

@@ -16,9 +16,8 @@ from curvescan.slam.pose_graph.posterior import covariances_seen_from
 from curvescan.slam.pose_graph.robust import RobustOptimum, optimize_robustly
 from curvescan.types import Cov, Floats
 
-_FROM_AFAR, _NEARBY = 0.05, 6.0
-"""Convexity to begin with: where every edge is reconsidered, and where the optimum is near the one that the last job
-left."""
+_NEARBY = 6.0
+"""Convexity to begin with where the optimum is near that of the last job; else every edge is reconsidered."""
 
 
 class Solution(NamedTuple):
@@ -31,12 +30,12 @@ class Solution(NamedTuple):
 
 def solve(graph: PoseGraph, current: int, noise: NoiseConfig, is_last: bool) -> Solution:
     """Move a pose graph, a copy of the caller's, to its robust optimum, and return it with what it knows there."""
-    optimum = optimized(graph, weights=graph.weights, least_convexity=_FROM_AFAR if is_last else _NEARBY)
+    optimum = optimized(graph, weights=graph.weights, least_convexity=0.0 if is_last else _NEARBY)
     graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
     return Solution(graph, current, covariances_seen_from(graph, current, noise))
 
 
-def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: float = _FROM_AFAR) -> RobustOptimum:
+def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: float = 0.0) -> RobustOptimum:
     """Return the robust optimum of a graph, begun with some weights; None for all edges in full.
 
     A closure beyond the gate may be a false match. A step that slipped may lead anywhere, which is as much less likely

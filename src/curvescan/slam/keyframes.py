@@ -17,20 +17,12 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.loops.overlap import N_SECTORS, range_profile
 from curvescan.slam.loops.place_index import PlaceIndex, Signature, signature
+from curvescan.slam.open_direction import along_walls
 from curvescan.slam.pose_graph.rows import Rows
-from curvescan.types import Bools, Ints, Points, Pose
-
-_APART_M = 0.05
-"""Readings farther apart than this across an open direction are of different walls, metres."""
-
-_FLAT = 0.01
-"""Variance of a wall across the direction, of that along it: of more it is none."""
+from curvescan.types import Bools, Ints, Pose
 
 _N_PREPARED = 100
 """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
-
-_N_ROUNDS = 3
-"""Two walls in one line part only where the direction is nearly right."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -131,30 +123,3 @@ def compact(scan: LaserScan) -> LaserScan:
     with np.errstate(over="ignore"):
         ranges = scan.ranges.astype(np.float32).astype(np.float64)
     return replace(scan, ranges=ranges, intensities=None, time_increment=0.0, scan_time=0.0)
-
-
-def along_walls(points: Points, direction: Pose) -> Pose:
-    """Return an open direction, (x, y, theta), turned to how the walls beside it run.
-
-    A match has it by the normals of single readings, to some milliradians. Along a corridor that is not enough: of a
-    match that stands still, a way of 2 m along seems to lead 4 mm into the wall, and many edges shorten the corridor by
-    a tenth. The walls run straight over metres, and say it to 0.2 milliradians.
-
-    points (n, 2): of the reference scan, in whose frame the direction is.
-    """
-    way = float(np.hypot(direction[0], direction[1]))
-    along = direction[:2] / way
-    for _ in range(_N_ROUNDS):
-        across = np.array([-along[1], along[0]])
-        order = np.argsort(points @ across, kind="stable")
-        x, y = points[order] @ along, points[order] @ across
-        wall = np.cumsum(np.diff(y, prepend=y[:1]) > _APART_M)
-        n = np.bincount(wall)
-        x -= (np.bincount(wall, x) / n)[wall]
-        y -= (np.bincount(wall, y) / n)[wall]
-        is_flat = (np.bincount(wall, y * y) < _FLAT * np.bincount(wall, x * x))[wall]
-        if not is_flat.any():
-            break
-        along = along + float(np.sum((x * y)[is_flat]) / np.sum((x * x)[is_flat])) * across
-        along /= np.hypot(along[0], along[1])
-    return np.array([*(way * along), direction[2]])

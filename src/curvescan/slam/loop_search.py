@@ -24,6 +24,7 @@ from curvescan.slam.loops.audit import N_NEAR, Contradiction, contradictions, gr
 from curvescan.slam.loops.closures import SIGMAS, Closure, ClosureOutcome, closure_of, is_certain, is_loop, is_near
 from curvescan.slam.loops.overlap import foretold_overlap
 from curvescan.slam.loops.place_index import Signature
+from curvescan.slam.open_direction import placed, share_through
 from curvescan.slam.pose_graph.graph import is_whole
 from curvescan.types import Bools, Cov, Pose
 
@@ -31,15 +32,13 @@ N_LINKED = 3
 """Preceding keyframes that a new one is matched with."""
 
 _FARTHEST = 6.0
-"""Keyframes whose relative pose is known are matched up to here, metres: opposite views share least where they meet.
-With 2.5 m the error of Acapulco is 0.44 m in place of 0.14, and of a building's floor 14 mm in place of 6."""
+"""Keyframes whose relative pose is known are matched up to here, metres: opposite views share least where they meet."""
 
 _N_CERTAIN, _N_UNCERTAIN = 5, 6
 """Earlier keyframes that a new one is matched with, at most: of a known relative pose, and of one that is not."""
 
 _MIN_SIMILARITY = 0.4
-"""Least similarity by the place index of keyframes of a relative pose that is not well known. On Intel and ACES, 2 % of
-2,758 candidates below it were of use."""
+"""Least similarity by the place index of keyframes of a vague relative pose: 2 % of those below it were of use."""
 
 _N_LOGGED = 50_000
 """Loop-closure candidates whose record is kept, the latest."""
@@ -82,10 +81,7 @@ class LoopSearch:
 
     def work(self, index: int, n_most: int) -> list[Closure]:
         """Match so much of the queue with scan `index`, and return the closures accepted."""
-        accepted: list[Closure] = []
-        for _ in range(min(n_most, len(self._queue))):
-            accepted += self._try(self._queue.popleft(), index)
-        return accepted
+        return [c for _ in range(min(n_most, len(self._queue))) for c in self._try(self._queue.popleft(), index)]
 
     def densify(self, index: int, beside: Beside) -> None:
         """Match each keyframe with the nearest others that it is not tied to, half of the matches beside.
@@ -107,7 +103,9 @@ class LoopSearch:
         given = self._map.keyframes, poses, self.config, index  # an optimization was last: none moves another one
         others, found = beside(matched, *given, new[1::2]), matched(*given, new[::2])
         for closure in filter(None, chain.from_iterable(zip_longest(found, others()))):
-            self._accept(closure) if closure.is_accepted else self._log(unexpected(closure))
+            if closure.outcome is ClosureOutcome.WAITING:  # no others will come to agree with it
+                closure = replace(closure, outcome=ClosureOutcome.UNEXPECTED)
+            self._accept(closure) if closure.is_accepted else self._log(closure)
 
     def audit(self) -> list[tuple[list[Closure], float]]:
         """Return groups of matches against the map, by row, and the odds of each less those of what it contradicts."""
@@ -192,7 +190,8 @@ class LoopSearch:
 
     def _accept(self, closure: Closure) -> Closure:
         """Make a closure an edge of the map, and return its record."""
-        self._map.close(closure)
+        pose, cov = closure.place or (closure.pose, closure.covariance)
+        self._map.close(replace(closure, pose=pose, covariance=cov))
         self.is_urgent |= closure.outcome is ClosureOutcome.AGREED
         return self._log(closure)
 
@@ -221,14 +220,19 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
         expected = UncertainPose(se2.between(poses[i], poses[j]), covariance + config.noise.spread)
         guess = expected if is_certain(expected, config) else None
         result = keyframes.match(i, keyframes.prepared(j), guess)
-        closure = closure_of(result, expected, config, scan=index, i=i, j=j)
-        found.append(closure if is_near(expected, config) else unexpected(closure))
+        one, other, along = keyframes.prepared(i).scan, keyframes.prepared(j).scan, result.degenerate_direction
+        is_whole_loop, seen_through = result.ok and along is None and bool(is_loop(i, j)), 0.0
+        if is_whole_loop and result.is_guess_decisive:  # several places explain the scans: the way between is open
+            along = np.array([*np.linalg.eigh(result.covariance[:2, :2])[1][:, 1], 0.0])
+            result = replace(result, degenerate_direction=along)
+        elif is_whole_loop:
+            seen_through = share_through(one, other, result.pose)
+        closure = closure_of(result, expected, config, seen_through=seen_through, scan=index, i=i, j=j)
+        if guess and closure.is_accepted and closure.is_loop and along is not None:  # neighbours in a row err alike
+            place = placed(UncertainPose(closure.pose, closure.covariance), along, one, other)
+            closure = replace(closure, place=place)
+        found.append(closure)
     return found
-
-
-def unexpected(closure: Closure) -> Closure:
-    """Return a match as it is where it need not wait: no others will come to agree with it."""
-    return replace(closure, outcome=ClosureOutcome.UNEXPECTED) if closure.outcome is ClosureOutcome.WAITING else closure
 
 
 def choose_candidates(
@@ -239,8 +243,7 @@ def choose_candidates(
     relative (n, 3); covariances (n, 3, 3); seen: by the newest one; without it those of a known relative pose alone.
     """
     rules = config.closures
-    variance = np.diagonal(covariances, axis1=1, axis2=2) + np.diagonal(config.noise.spread)
-    sigma = np.sqrt(variance[:, :2].max(axis=1))
+    sigma = np.sqrt(np.diagonal(covariances + config.noise.spread, axis1=1, axis2=2)[:, :2].max(axis=1))
     distance = np.hypot(relative[:, 0], relative[:, 1])
     is_certain = sigma < rules.certain_m
     is_near = (distance - SIGMAS * sigma < rules.reach) | (is_certain & (distance < _FARTHEST))

@@ -18,43 +18,19 @@ from curvescan.types import Cov, Floats, Ints, Pose, PoseEdge
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SlamMap:
-    """A map that is saved, loaded, continued, and localized in.
+    """A map that is saved, loaded, continued, and localized in."""
 
-    Attributes
-    ----------
-    scans : tuple of LaserScan
-        Scan of each keyframe, ranges of the precision of float32.
-    poses : (n, 3) float64
-        Pose of the sensor at each keyframe in the frame ``map``: metres, metres, radians.
-    covariances : (n, 3, 3) float64
-        Covariance of each, the first keyframe known exactly.
-    indices, sessions : (n,) int64
-        Number of each keyframe's scan in its session, and of the session.
-    ends : (m, 2) int64
-        Keyframes i and j of each edge.
-    measured : (m, 3) float64
-        Measured pose of j in the frame of i.
-    edge_covariances : (m, 3, 3) float64
-        Its covariance.
-    kinds : (m,) int64
-        An EdgeKind each.
-    weights : (m,) float64
-        Weight of each edge in the optimum, in [0, 1].
-    grid : OccupancyGrid or None
-        Occupancy from all scans of a run; None where only the keyframes can tell.
-    """
-
-    scans: tuple[LaserScan, ...]
-    poses: Pose
-    covariances: Cov
-    indices: Ints
-    sessions: Ints
-    ends: Ints
-    measured: Pose
-    edge_covariances: Cov
-    kinds: Ints
-    weights: Floats
-    grid: OccupancyGrid | None = None
+    scans: tuple[LaserScan, ...]  # of each keyframe, ranges of the precision of float32
+    poses: Pose  # (n, 3): of the sensor at each keyframe in the frame ``map``: metres, metres, radians
+    covariances: Cov  # (n, 3, 3): of each, the first keyframe known exactly
+    indices: Ints  # (n,): number of each keyframe's scan in its session
+    sessions: Ints  # (n,): number of the session
+    ends: Ints  # (m, 2): keyframes i and j of each edge
+    measured: Pose  # (m, 3): measured pose of j in the frame of i
+    edge_covariances: Cov  # (m, 3, 3): its covariance
+    kinds: Ints  # (m,): an EdgeKind each
+    weights: Floats  # (m,): of each edge in the optimum, in [0, 1]
+    grid: OccupancyGrid | None = None  # occupancy from all scans of a run; None where only the keyframes can tell
 
     def __len__(self) -> int:
         return len(self.scans)
@@ -111,18 +87,8 @@ def as_map(given: SlamMap | str | os.PathLike[str]) -> SlamMap:
 
 
 def load_map(path: str | os.PathLike[str]) -> SlamMap:
-    """Return a map that was saved.
+    """Return a map that was saved to a .csmap file.
 
-    Parameters
-    ----------
-    path : str or path-like
-        A .csmap file.
-
-    Raises
-    ------
-    LogFileError
-        When it cannot be opened.
-    LogFormatError
-        When it is damaged, no map, or of a later version.
+    Raises LogFileError when it cannot be opened, LogFormatError when it is damaged, no map, or of a later version.
     """
     return SlamMap(**read_map_file(path))

@@ -45,10 +45,7 @@ def with_heirs(gone: list[Heir], numbers: Ints, poses: Pose, covariances: Cov) -
 def thin(
     graph: PoseGraph, fragments: Ints, n_settled: int, rules: PlacesConfig
 ) -> tuple[Bools, dict[int, tuple[int, UncertainPose]]]:
-    """Take keyframes out where a place has too many; return (n,) which stay, and heir and pose of each of the others.
-
-    fragments (n,).
-    """
+    """Take keyframes out where a place has too many; return (n,) which stay, and heir and pose of each other one."""
     is_kept = np.ones(graph.n_poses, dtype=np.bool_)
     gone: dict[int, tuple[int, UncertainPose]] = {}
     beside = KDTree(graph.poses[:, :2]).query_ball_point(graph.poses[:n_settled, :2], rules.radius, return_sorted=True)
@@ -83,10 +80,7 @@ def best_tie(graph: PoseGraph, v: int, among: Ints) -> int | None:
 
 
 def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[int, UncertainPose]:
-    """Carry the edges of pose v over to the poses that stay, take them out, and return its heir and v seen from it.
-
-    tie: The edge to the heir.
-    """
+    """Carry the edges of pose v over to those that stay, take them out; return its heir, at the edge `tie`, and v."""
     rows = _edges_at(graph, v)
     seen = {row: _other_end(graph, row, v) for row in rows.tolist()}
     heir, heir_seen = seen[tie]

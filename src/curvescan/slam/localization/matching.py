@@ -13,6 +13,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.matchers import PreparedScan
 from curvescan.matchers.result import GUESS_COVARIANCE, WIDE_PRIOR
+from curvescan.odometry.measurement import as_measurement
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import GATE, SlamConfig
@@ -20,7 +21,7 @@ from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import STEP_M
 from curvescan.slam.localization.field import DistanceField, points_of
 from curvescan.slam.localization.prior import WRONG
-from curvescan.slam.loops.closures import is_certain, measured
+from curvescan.slam.loops.closures import is_certain
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Points, Pose
@@ -35,15 +36,11 @@ SCORE = 0.25
 """What the score of a sure match counts for beside the share of readings that the map agrees with."""
 
 WORSE = 0.05
-"""The map agrees less with one pose than with another where this share of the readings, or more, does. Walls hold a
-scan that agrees less when it is shifted by a step of the search along what a match leaves open: a corridor has ends and
-doors that no one keyframe shows."""
+"""The map agrees less with one pose than with another where this share of the readings, or more, does, also with a
+match moved a search step along what it leaves open: a corridor has ends and doors that no one keyframe shows."""
 
-_N_FUSED = 3
-"""Keyframes whose matches are fused."""
-
-N_TRIED = 12
-"""Keyframes that look like a scan, and places, that are tried in detail while the sensor is searched for."""
+_N_FUSED, N_TRIED = 3, 12
+"""Keyframes whose matches are fused, and alike ones, and places, that are tried in detail in a search."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -102,7 +99,7 @@ class MapMatcher:
         result = self._keyframes.match(k, current, prior)
         if not result.ok or (prior is None and result.degenerate_direction is not None):
             return None
-        found = measured(result)
+        found = as_measurement(result)
         found = UncertainPose(found.pose, found.cov + self._config.noise.floor)
         exact = UncertainPose(self._map.poses[k], np.zeros((3, 3)))
         return Hit(keyframe=k, here=compose(exact, found), score=_weight(result.confidence) * result.score)

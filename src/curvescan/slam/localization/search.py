@@ -98,10 +98,7 @@ class Views:
 
 
 class MapSearch:
-    """Looks for a sensor in a map.
-
-    poses (n, 3): Of the keyframes.
-    """
+    """Looks for a sensor in a map; poses (n, 3) of the keyframes."""
 
     def __init__(self, field: DistanceField, poses: Pose, keyframes: Keyframes) -> None:
         from scipy.spatial import cKDTree  # loads for a good part of a second

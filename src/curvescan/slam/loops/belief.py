@@ -53,10 +53,7 @@ class Belief(NamedTuple):
         return UncertainPose(self.relative[i], self.covariances[i])
 
     def seen_from_all(self, poses: Pose, since: UncertainPose) -> tuple[Pose, Cov]:
-        """Return (m, 3) pose of the newest of m + 1 keyframes seen from each before it, and (m, 3, 3) its covariance.
-
-        poses (m + 1, 3): of all of them.
-        """
+        """Return the newest of m + 1 keyframes seen from each before it, (m, 3) and (m, 3, 3); poses (m + 1, 3)."""
         relative = se2.between(poses[:-1], poses[-1])
         covariances = np.empty((len(relative), 3, 3))
         covariances[: self.n] = composed_covariances(self.relative, self.covariances, since)[: len(relative)]

@@ -23,14 +23,15 @@ from curvescan.types import Bools, Cov, Pose
 _N_NEIGHBOURS = 10
 """Keyframes that follow each other so closely, about 5 m or 5 rad of way, see the same place without a loop."""
 
-SIGMAS = 3.0
-"""A keyframe may lie this many standard deviations from where the graph has it."""
-
-_ERROR_AFAR = 0.03
-"""Share of the distance by which views from afar err, more than they say: 0.1 to 0.2 m at 3 to 5 m on Killian."""
+SIGMAS, _ERROR_AFAR = 3.0, 0.03
+"""Standard deviations that a keyframe may lie from where the graph has it; share of the distance by which views from
+afar err, more than they say: 0.1 to 0.2 m at 3 to 5 m on Killian."""
 
 _MOST_ODDS = math.log(99.0)
 """Most that one match says for itself: of matches of a confidence of 0.99 one in a hundred is wrong."""
+
+_CLEAR = 0.05
+"""Share of the readings seen through beyond which the odds go by its inverse square: seven floors, four logs."""
 
 SLIP: Cov = np.diag([ANYWHERE_M**2, ANYWHERE_M**2, 1.0])
 """(3, 3) covariance of what a way may have slipped and bent without the odometry noticing."""
@@ -53,41 +54,20 @@ class ClosureOutcome(Enum):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Closure:
-    """A loop-closure candidate that was matched.
+    """A loop-closure candidate that was matched: within the back end keyframes by row, in all records by number."""
 
-    Attributes
-    ----------
-    scan : int
-        Number of the scan at which it was tried.
-    i, j : int
-        Keyframes; j is the later one. Within the back end their rows, in all records their numbers, which stay when
-        others go.
-    pose : (3,) float64
-        Pose of j in the frame of i by the match; NaN where it failed.
-    covariance : (3, 3) float64
-        Of the edge that it makes.
-    score : float
-        Of the match.
-    confidence : float
-        Of the match: the probability that it is right; NaN of a matcher that gives none.
-    distance : float
-        Squared Mahalanobis distance from where the graph expected it; NaN where it failed.
-    outcome : ClosureOutcome
-        What became of it.
-    expectation : float
-        What the graph says for a pose there: log odds against any pose nearby; NaN where it failed.
-    """
-
-    scan: int
-    i: int
-    j: int
-    pose: Pose
-    covariance: Cov
-    score: float
-    distance: float
-    outcome: ClosureOutcome
-    confidence: float = math.nan
-    expectation: float = math.nan
+    scan: int  # number of the scan at which it was tried
+    i: int  # keyframe
+    j: int  # the later keyframe
+    pose: Pose  # (3,): of j in the frame of i by the match; NaN where it failed
+    covariance: Cov  # (3, 3): of the edge that it makes
+    score: float  # of the match
+    distance: float  # squared Mahalanobis distance from where the graph expected it; NaN where it failed
+    outcome: ClosureOutcome  # what became of it
+    confidence: float = math.nan  # probability that the match is right; NaN of a matcher that gives none
+    expectation: float = math.nan  # log odds that the graph gives a pose there against any nearby; NaN where it failed
+    seen_through: float = 0.0  # share of the readings of both scans that one sees through of the other
+    place: UncertainPose | None = None  # the edge, where the scans tell where along an open way it lies: no evidence
 
     @property
     def is_accepted(self) -> bool:
@@ -111,29 +91,26 @@ def is_near(expected: UncertainPose, config: SlamConfig) -> bool:
     return away < config.closures.reach + SIGMAS * math.sqrt(expected.cov[0, 0] + expected.cov[1, 1])
 
 
-def measured(result: MatchResult) -> UncertainPose:
-    """Return the pose of a match of keyframes; the way that the scans leave open is not measured at all.
-
-    Along a corridor the heading stays measured: a little turn in a way of 100 m would open it as well.
-    """
-    if result.degenerate_direction is not None:
-        x, y, _ = result.degenerate_direction.tolist()
-        result = replace(result, degenerate_direction=np.array([x, y, 0.0]) / math.hypot(x, y))
-    return as_measurement(result)
-
-
 def closure_of(
-    result: MatchResult, expected: UncertainPose, config: SlamConfig, *, scan: int, i: int, j: int
+    result: MatchResult,
+    expected: UncertainPose,
+    config: SlamConfig,
+    *,
+    scan: int,
+    i: int,
+    j: int,
+    seen_through: float = 0.0,
 ) -> Closure:
     """Return the record of a match, and whether it alone is likely enough by where the graph expects it."""
     tried = Closure(
         scan=scan, i=i, j=j, pose=result.pose, covariance=result.covariance, score=result.score,
         distance=math.nan, outcome=ClosureOutcome.NO_MATCH, confidence=result.confidence,
+        seen_through=seen_through,
     )  # fmt: skip
     if not result.ok:
         return tried
-    found = measured(result)
-    if is_loop(i, j) and not is_near(expected, config):
+    found, is_far = as_measurement(result), is_loop(i, j) and not is_near(expected, config)
+    if is_far:
         error = _ERROR_AFAR * math.hypot(found.pose[0], found.pose[1])
         found = UncertainPose(found.pose, found.cov + np.diag([error**2, error**2, 0.0]))
     distance = fuse(expected, found)[1]
@@ -141,15 +118,16 @@ def closure_of(
     tried = replace(tried, covariance=config.noise.edge(found.cov), distance=distance, expectation=expectation)
     if expectation + log_odds(tried) > config.closures.log_odds:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
-    # between neighbours there is no loop to close, and what leaves a direction open agrees with the next room as well
-    may_wait = is_loop(i, j) and result.degenerate_direction is None
+    # neighbours close no loop, views from afar dispute no map, and what leaves a way open agrees with the next room
+    may_wait = is_loop(i, j) and not is_far and result.degenerate_direction is None
     return replace(tried, outcome=ClosureOutcome.WAITING if may_wait else ClosureOutcome.UNEXPECTED)
 
 
 def log_odds(closure: Closure) -> float:
-    """Return the log odds of a match by its confidence; even ones where the matcher gives none."""
+    """Return the log odds of a match by its confidence, even ones without, and by what one scan sees through."""
     p = 0.5 if math.isnan(closure.confidence) else closure.confidence
-    return min(math.log(max(p, 1e-6) / max(1.0 - p, 1e-6)), _MOST_ODDS)
+    said = min(math.log(max(p, 1e-6) / max(1.0 - p, 1e-6)), _MOST_ODDS)
+    return said - 2.0 * math.log(max(closure.seen_through / _CLEAR, 1.0))
 
 
 def difference(one: Pose, other: Pose) -> Pose:
