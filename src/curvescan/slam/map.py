@@ -18,7 +18,13 @@ from curvescan.types import Cov, Floats, Ints, Pose, PoseEdge
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SlamMap:
-    """A map that is saved, loaded, continued, and localized in."""
+    """A map that is saved, loaded, continued, and localized in.
+
+    Keyframes are the rows of `scans`, `poses` (n, 3), `covariances` (n, 3, 3), `indices` and `sessions` (n,), edges
+    those of `ends` (m, 2), `measured` (m, 3), `edge_covariances` (m, 3, 3), `kinds` and `weights` (m,). Poses are
+    [x, y, theta] in the frame ``map``, metres, metres, radians, the first keyframe known exactly; an edge has the pose
+    of its second keyframe in the frame of its first. float64, counts int64; `grid`: occupancy from all scans of a run.
+    """
 
     scans: tuple[LaserScan, ...]  # of each keyframe, ranges of the precision of float32
     poses: Pose  # (n, 3): of the sensor at each keyframe in the frame ``map``: metres, metres, radians
