@@ -59,13 +59,13 @@ def test_newer_poses_beside_one_are_those_of_its_fragment_that_stay() -> None:
     poses = rng.uniform(-1.5, 1.5, (120, 3)) * (1.0, 1.0, 0.5)
     poses[:, 2] = se2.wrap(poses[:, 2] + np.pi)
     fragments, is_kept = rng.integers(0, 2, 120), rng.random(120) < 0.9
-    rules, n_found = PlacesConfig(n_keyframes=1, radius=0.8), 0
+    n_found = 0
     beside = KDTree(poses[:, :2]).query_ball_point(poses[:, :2], 0.8, return_sorted=True)
     for v in range(120):
         off = poses[v + 1 :] - poses[v]
         near = (np.hypot(off[:, 0], off[:, 1]) < 0.8) & (np.abs(se2.wrap(off[:, 2])) < 0.8)
         near &= is_kept[v + 1 :] & (fragments[v + 1 :] == fragments[v])
-        found = newer_alike(v, beside[v], poses, fragments, is_kept, rules)
+        found = newer_alike(v, beside[v], poses, fragments, is_kept, 0.8)
         np.testing.assert_array_equal(found, v + 1 + np.flatnonzero(near))
         n_found += len(found)
     assert 100 < n_found < 2000

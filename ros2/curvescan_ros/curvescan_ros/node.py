@@ -112,8 +112,8 @@ class CurvescanNode(LifecycleNode):
         self._initial: UncertainPose | None = None  # of the base, to be taken up with the next scan
         self._map_odom: np.ndarray | None = None  # with somebody else's odom
         self._joiner: RigJoiner | None = None  # of several lasers
-        self._menders: dict[str, StreamMender] = {}  # of each laser, by its topic
-        self._frames: dict[str, str] = {}
+        self._frames: dict[str, str] = {}  # of each, by its topic
+        self._menders: dict[str, StreamMender] = {}  # of each, by its topic
         self._mounts: dict[str, tuple[np.ndarray, bool]] = {}  # on the base, and whether mirrored
         self._heard: list[object] = []  # subscriptions, services and timers of the active state
         if not self._p["use_lifecycle_manager"]:
@@ -160,7 +160,8 @@ class CurvescanNode(LifecycleNode):
         if self._is_localizing and not p["map_file"]:
             self._heard.append(self.create_subscription(OccupancyGrid, p["map_topic"], self._on_map, LATCHED))
         self._joiner = self._new_joiner()
-        self._menders = {} if p["as_is"] else {topic: StreamMender(self._tell) for topic in self._topics}
+        tell = self.get_logger().warning
+        self._menders = {} if p["as_is"] else {topic: StreamMender(tell) for topic in self._topics}
         # last of all: nothing is dropped while kernels compile
         lost = SubscriptionEventCallbacks(message_lost=self._on_lost)
         self._scans = [
@@ -324,10 +325,6 @@ class CurvescanNode(LifecycleNode):
         if group is not None and (placed := self._placed(group)):
             joined = self._joiner.join(placed)
             self._follow(joined, later(TimeMessage(), joined.stamp), received)
-
-    def _tell(self, sentence: str) -> None:
-        """Say what a laser's scans are mended of."""
-        self.get_logger().warning(sentence)
 
     def _follow(self, scan: curvescan.LaserScan, scan_stamp: TimeMessage, received: float) -> None:
         """Take up a scan of the laser, or of all lasers as one at the base, and publish where it was."""

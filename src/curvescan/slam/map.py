@@ -20,23 +20,24 @@ from curvescan.types import Cov, Floats, Ints, Pose, PoseEdge
 class SlamMap:
     """A map that is saved, loaded, continued, and localized in.
 
-    Keyframes are the rows of `scans`, `poses` (n, 3), `covariances` (n, 3, 3), `indices` and `sessions` (n,), edges
-    those of `ends` (m, 2), `measured` (m, 3), `edge_covariances` (m, 3, 3), `kinds` and `weights` (m,). Poses are
-    [x, y, theta] in the frame ``map``, metres, metres, radians, the first keyframe known exactly; an edge has the pose
-    of its second keyframe in the frame of its first. float64, counts int64; `grid`: occupancy from all scans of a run.
+    Of each keyframe a row: `scans`, ranges as precise as float32; `poses` (n, 3) in the frame ``map``; `covariances`
+    (n, 3, 3), the first keyframe known exactly; `indices` (n,), number of the scan in its session; `sessions` (n,). Of
+    each edge: `ends` (m, 2), keyframes i and j; `measured` (m, 3), pose of j in the frame of i; `edge_covariances`
+    (m, 3, 3); `kinds` (m,), an EdgeKind; `weights` (m,) in [0, 1]. `grid`: occupancy from all scans of a run, None
+    where only the keyframes can tell. Poses are [x, y, theta], metres, metres, radians, float64; numbers int64.
     """
 
-    scans: tuple[LaserScan, ...]  # of each keyframe, ranges of the precision of float32
-    poses: Pose  # (n, 3): of the sensor at each keyframe in the frame ``map``: metres, metres, radians
-    covariances: Cov  # (n, 3, 3): of each, the first keyframe known exactly
-    indices: Ints  # (n,): number of each keyframe's scan in its session
-    sessions: Ints  # (n,): number of the session
-    ends: Ints  # (m, 2): keyframes i and j of each edge
-    measured: Pose  # (m, 3): measured pose of j in the frame of i
-    edge_covariances: Cov  # (m, 3, 3): its covariance
-    kinds: Ints  # (m,): an EdgeKind each
-    weights: Floats  # (m,): of each edge in the optimum, in [0, 1]
-    grid: OccupancyGrid | None = None  # occupancy from all scans of a run; None where only the keyframes can tell
+    scans: tuple[LaserScan, ...]
+    poses: Pose
+    covariances: Cov
+    indices: Ints
+    sessions: Ints
+    ends: Ints
+    measured: Pose
+    edge_covariances: Cov
+    kinds: Ints
+    weights: Floats
+    grid: OccupancyGrid | None = None
 
     def __len__(self) -> int:
         return len(self.scans)

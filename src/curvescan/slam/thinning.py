@@ -50,7 +50,9 @@ def thin(
     gone: dict[int, tuple[int, UncertainPose]] = {}
     beside = KDTree(graph.poses[:, :2]).query_ball_point(graph.poses[:n_settled, :2], rules.radius, return_sorted=True)
     for v in range(1, n_settled):  # the first keyframe is the map's frame
-        newer = newer_alike(v, beside[v], graph.poses, fragments, is_kept, rules)
+        if len(beside[v]) <= rules.n_keyframes:  # itself among them
+            continue
+        newer = newer_alike(v, beside[v], graph.poses, fragments, is_kept, rules.radius)
         tie = best_tie(graph, v, newer) if len(newer) >= rules.n_keyframes else None
         if tie is not None:
             gone[v] = carry_over(graph, v, tie)
@@ -58,14 +60,11 @@ def thin(
     return is_kept, gone
 
 
-def newer_alike(v: int, beside: list[int], poses: Pose, fragments: Ints, is_kept: Bools, rules: PlacesConfig) -> Ints:
-    """Return the later poses beside pose v that are of its fragment, kept, and look its way; none where few are beside.
-
-    beside: rows within the radius of a place, ascending, v among them.
-    """
-    newer = np.array([u for u in beside if u > v] if len(beside) > rules.n_keyframes else [], dtype=np.int64)
+def newer_alike(v: int, beside: list[int], poses: Pose, fragments: Ints, is_kept: Bools, radius: float) -> Ints:
+    """Return of the poses beside pose v the later ones of its fragment that are kept and look its way, in radians."""
+    newer = np.array([u for u in beside if u > v], dtype=np.int64)
     is_alike = is_kept[newer] & (fragments[newer] == fragments[v])
-    return np.asarray(newer[is_alike & (np.abs(se2.wrap(poses[newer, 2] - poses[v, 2])) < rules.radius)])
+    return np.asarray(newer[is_alike & (np.abs(se2.wrap(poses[newer, 2] - poses[v, 2])) < radius)])
 
 
 def best_tie(graph: PoseGraph, v: int, among: Ints) -> int | None:
