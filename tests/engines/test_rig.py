@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.bags import scan, transform, write_bag
 
 import curvescan as cs
 from curvescan import se2
 from curvescan.cli.main import run as command
 from curvescan.errors import InvalidArgumentError
 from curvescan.simulation.buildings.catalogue import build_world
+from tests.bags import scan, transform, write_bag
 
 MOUNTS = {"front": (0.35, 0.25, np.pi / 4), "rear": (-0.35, -0.25, -3 * np.pi / 4)}
 

@@ -33,7 +33,6 @@ WRONG = (0.3, np.radians(10.0))  # a match is plainly wrong beyond either of the
 class LogEvaluation:
     """How one method did on the consecutive scans of one log."""
 
-    # names
     log: str
     method: str
     n_steps: int  # pairs of consecutive scans

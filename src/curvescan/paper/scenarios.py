@@ -171,8 +171,7 @@ def run_scenario(
             is_discarded[k] = log[k].valid & ~is_matched[k]
         on_step(step)
 
-    odometry = Odometry(method, matcher=config, config=OdometryConfig.scan_to_scan())
-    run = run_engine(log, odometry, on_step=collect)
+    run = run_engine(log, Odometry(method, matcher=config, config=OdometryConfig.scan_to_scan()), on_step=collect)
     is_moved = np.zeros_like(is_matched)
     if log.is_person.any():
         is_moved = np.array(list(dynamic_along(log, run.trajectory.poses, run.is_joined)))
