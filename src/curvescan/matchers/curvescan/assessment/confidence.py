@@ -43,7 +43,7 @@ MAX_REPETITION = 0.45
 REGULAR, PITCH = 0.33, 0.5
 
 COEFFICIENTS = {
-    "constant": -5.4,
+    "constant": -5.1,
     "log10_excess": 1.96,
     "log10_agreeing": 0.54,
     "log10_weakest": 1.21,
