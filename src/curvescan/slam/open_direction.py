@@ -41,12 +41,6 @@ def placed(found: UncertainPose, along: Pose, reference: LaserScan, current: Las
     return UncertainPose(found.pose + 0.5 * (low + high) * along, cov)
 
 
-def share_through(reference: LaserScan, current: LaserScan, pose: Pose) -> float:
-    """Return the share of the readings of two scans that one sees through of the other; twice that if both do."""
-    n = 0.5 * (np.count_nonzero(reference.valid) + np.count_nonzero(current.valid))
-    return float(n_through(reference, current, pose[np.newaxis])[0]) / max(n, 1.0)
-
-
 def n_through(reference: LaserScan, current: LaserScan, poses: Pose) -> Ints:
     """Return (k,) how many readings of two scans the other one sees through, with the current one at (k, 3) poses."""
     noise = [float(np.median(np.abs(np.diff(one.ranges[one.valid], 2)))) for one in (reference, current)]  # times 1.7
