@@ -229,7 +229,9 @@ def run_odometry(
 
 def without_trace(step: Step) -> Step:
     """Return a step without what the matcher did on the way, which is larger than all the rest."""
-    return step if step.match is None else replace(step, match=replace(step.match, trace=None))
+    if step.match is None or step.match.trace is None:
+        return step
+    return replace(step, match=step.match.with_scans(None, None, trace=None))
 
 
 def pose_at(odometry_poses: Pose | None, k: int) -> Pose | None:
