@@ -10,13 +10,14 @@ import json
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 
 from curvescan import se2
-from curvescan.matchers import MatchResult
+from curvescan.matchers import MatchResult, PreparedScan
 from curvescan.plots.colours import segment_colour
 from curvescan.plots.map import drawing
 from curvescan.scan import LaserScan
@@ -58,14 +59,14 @@ class _Liar:
     """Matches keyframes, and for a share of those that do not follow each other answers another pair's pose, sure of it."""
 
     def __init__(self, slam: Slam, share: float, seed: int) -> None:
-        self._honest = slam.keyframes.match
+        self._keyframes, self._honest = slam.keyframes, slam.keyframes.match
         self._share, self._rng = share, np.random.default_rng([seed, 77])
         self._seen: list[MatchResult] = []
         self.n_forced = 0
 
-    def __call__(self, i: int, j: int, prior: UncertainPose | None) -> MatchResult:
-        result = self._honest(i, j, prior)
-        if j - i <= N_LINKED:
+    def __call__(self, i: int, current: PreparedScan, prior: UncertainPose | None) -> MatchResult:
+        result = self._honest(i, current, prior)
+        if any(one.scan.ranges is current.scan.ranges for one in islice(self._keyframes, i, i + N_LINKED + 1)):
             return result
         is_lie = self._rng.random() < self._share and len(self._seen) > 0
         lie = self._seen[int(self._rng.integers(len(self._seen)))] if is_lie else None

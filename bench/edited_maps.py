@@ -20,11 +20,11 @@ import numpy as np
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.editing import operations
+from curvescan.editing.merging import in_one_frame, merged
 from curvescan.io.trajectories.relations import read_relations
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.simulation import World, build_world
-from curvescan.slam.editing import operations
-from curvescan.slam.editing.merging import in_one_frame, merged
 from curvescan.types import Bools, Floats, Points, Pose
 from localization_drives import Drive, halves_of, make_drive
 from localization_tasks import with_closed_doors

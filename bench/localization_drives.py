@@ -26,10 +26,10 @@ from scipy.spatial import cKDTree
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.editing.operations import map_points
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.mapping.map_server import read_map, write_map
 from curvescan.odometry import StepOutcome
-from curvescan.slam.editing.operations import map_points
 from curvescan.types import Bools, Floats, Ints, Pose
 
 SAME_M, SAME_RAD = 1.0, np.radians(10.0)

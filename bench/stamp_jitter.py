@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan import se2
-from curvescan.odometry import Odometry, run_odometry
+from curvescan.engines import run_engine
+from curvescan.odometry import Odometry
 from curvescan.runs.document import ResultTable
 from curvescan.scan import LaserScan
 from curvescan.simulation import SENSORS, Simulation, simulate
@@ -64,11 +65,11 @@ def measure_jitter(
 ) -> JitterSpread:
     """Return how far apart a log ends over runs with jittered stamps."""
     held = list(scans)
-    own = run_odometry(held, new_odometry()).trajectory.poses
+    own = run_engine(held, new_odometry()).trajectory.poses
     ends, shares = np.zeros((n_runs, 3)), np.zeros(n_runs)
     for k in range(n_runs):
         rng = np.random.default_rng((seed, k))
-        poses = run_odometry(_jittered(held, jitter, rng), new_odometry()).trajectory.poses
+        poses = run_engine(_jittered(held, jitter, rng), new_odometry()).trajectory.poses
         if (poses[-1] != own[-1]).any():  # else rounding would make a distance of it
             ends[k] = se2.between(own[-1], poses[-1])
         shares[k] = np.mean((poses != own).any(axis=1))

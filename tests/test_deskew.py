@@ -22,8 +22,9 @@ from curvescan.deskew import (
     sweep_shift,
     usual_period,
 )
+from curvescan.engines import run_engine
 from curvescan.io import read_log
-from curvescan.odometry import Odometry, OdometryConfig, run_odometry
+from curvescan.odometry import Odometry, OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.simulation import SENSORS, World, simulate
 from curvescan.simulation.sensing.raycast import cast_rays
@@ -328,9 +329,9 @@ def test_the_odometry_deskews_as_the_chain_does():
 
     def found(scans, still):
         runs = {
-            "swept": run_odometry(scans),
-            "still": run_odometry(still),
-            "skewed": run_odometry(scans, Odometry(config=OdometryConfig(deskew=False))),
+            "swept": run_engine(scans),
+            "still": run_engine(still),
+            "skewed": run_engine(scans, Odometry(config=OdometryConfig(deskew=False))),
         }
         return {name: run.trajectory.poses for name, run in runs.items()}
 

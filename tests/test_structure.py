@@ -198,10 +198,12 @@ PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
 """Floats that nobody tunes; neither are those of 1e-6 and smaller, which guard divisions."""
 
 BUDGET: dict[str, tuple[int, int, int]] = {
-    "(ground)": (1601, 32, 0),
+    "(ground)": (1599, 32, 0),
     "benchmarks": (485, 23, 0),
     "cli": (2480, 15, 0),
     "diagnostics": (1911, 57, 0),
+    "editing": (445, 2, 0),
+    "engines": (783, 2, 0),
     "evaluation": (828, 15, 0),
     "io": (5856, 38, 0),
     "live": (2763, 41, 0),
@@ -210,14 +212,14 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "matchers/baselines": (1528, 44, 35),
     "matchers/cfsma": (1101, 15, 17),
     "matchers/curvescan": (4014, 99, 28),
-    "odometry": (1938, 30, 20),
+    "odometry": (1409, 29, 20),
     "paper": (1608, 84, 0),
     "plots": (712, 37, 0),
-    "runs": (1381, 14, 0),
+    "runs": (1206, 13, 0),
     "runs/batch": (1632, 5, 0),
     "se2": (386, 0, 0),
     "simulation": (1947, 85, 0),
-    "slam": (4747, 61, 18),
+    "slam": (4114, 59, 18),
 }
 """Lines, tuned numbers and config fields that a room may have: they go down, and this table with them."""
 

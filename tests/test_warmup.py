@@ -33,7 +33,7 @@ def variants():
 DRIVE = """
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.run_maps import build_maps
-from curvescan.odometry import run_odometry
+from curvescan.engines import run_engine
 from curvescan.slam.loops.agreement import _clique
 from curvescan.slam.loops.cycles import cycle_distances
 
@@ -46,12 +46,12 @@ cs.warm_up()
 before = variants()
 # of long drives, and of closures that wait for others: the drive below may need none of them
 assert [len(k.signatures) for k in (_clique, cycle_distances)] == [1, 1]
-run_odometry(scans, cs.Odometry(), odometry_poses=wheels)
-run = run_odometry(scans, cs.Odometry())
+run_engine(scans, cs.Odometry(), odometry_poses=wheels)
+run = run_engine(scans, cs.Odometry())
 assert {"PREDICTED", "LOST", "MATCHED"} <= {o.name for o in run.outcomes}
 build_maps(scans, run.trajectory.poses, run.is_joined, occupancy=OccupancyConfig())
 sick = simulate("corridor", n_scans=30, n_people=2)
-run_odometry(sick, cs.Odometry())
+run_engine(sick, cs.Odometry())
 for i in range(0, 25, 5):
     cs.match(sick[i], sick[i + 4])
     cs.match(sick[i], sick[i + 4], guess=(0.3, 0.0, 0.0))

@@ -3,6 +3,7 @@
 from . import se2 as se2
 from .diagnostics.inspect import inspect_log as inspect_log
 from .diagnostics.issues import find_issues as find_issues
+from .engines.rig import Rig as Rig
 from .errors import CurvescanError as CurvescanError
 from .errors import InvalidArgumentError as InvalidArgumentError
 from .errors import LogFileError as LogFileError
@@ -74,7 +75,6 @@ from .odometry import StepOutcome as StepOutcome
 from .odometry.config import KeyframesConfig as KeyframesConfig
 from .odometry.config import MotionConfig as MotionConfig
 from .odometry.config import OdometryConfig as OdometryConfig
-from .odometry.rig import Rig as Rig
 from .plots import plot as plot
 from .runs.batch.batch import BatchResult as BatchResult
 from .runs.batch.batch import run_batch as run_batch

@@ -12,11 +12,12 @@ import numpy as np
 
 from curvescan._compilation import watch
 from curvescan._processes import python_command
+from curvescan.engines import run_engine
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.run_maps import build_maps
 from curvescan.matchers import DEFAULT_METHOD, find_matcher, match
-from curvescan.odometry import Odometry, OdometryConfig, run_odometry
+from curvescan.odometry import Odometry, OdometryConfig
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
@@ -129,7 +130,7 @@ def _drive(method: str, laps: Pose) -> None:
         for k, pose in enumerate(there_and_back)
     ]
     for config in (None, OdometryConfig.scan_to_scan()):
-        run = run_odometry(scans, Odometry(method, config=config), odometry_poses=there_and_back)
+        run = run_engine(scans, Odometry(method, config=config), odometry_poses=there_and_back)
     build_maps(scans, run.trajectory.poses, run.is_joined, occupancy=OccupancyConfig())
 
 

@@ -31,3 +31,9 @@ def test_the_second_lap_on_another_storey_sees_the_same_and_is_elsewhere() -> No
     assert len(nothing) == 30
     below, above = truth[: nothing[0]], truth[nothing[-1] + 1 :]
     np.testing.assert_allclose(above[:, 0] - below[1:, 0], 1000.0)
+
+
+def test_a_match_that_lies_is_followed_nowhere() -> None:
+    found = judge_floor("ordinary", 30, forced=0.2)
+    assert found.n_forced > 50
+    assert found.n_false == 0

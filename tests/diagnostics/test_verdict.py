@@ -14,9 +14,9 @@ from curvescan import se2
 from curvescan.cli.console import propose_commands
 from curvescan.diagnostics.issues import Issue, Remedy
 from curvescan.diagnostics.verdict import MAX_OPEN_SHARE, Evidence, judge, largest_sigma, verdict_of
+from curvescan.engines import run_engine
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.odometry import run_odometry
 from curvescan.slam import Slam
 from tests.scenes import room_scan
 
@@ -56,7 +56,7 @@ def test_a_result_that_nothing_speaks_against_is_trusted():
 def test_a_log_without_a_motion_is_not_trusted(n):
     scans = [room_scan((0.0, 0.0, 0.0)) for _ in range(n)]
     odometry = cs.Odometry()
-    assert "a motion needs two" in judge(run_odometry(scans, odometry), odometry).sentence
+    assert "a motion needs two" in judge(run_engine(scans, odometry), odometry).sentence
 
 
 @pytest.mark.parametrize(

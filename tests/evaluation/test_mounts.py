@@ -12,7 +12,7 @@ from curvescan import se2
 from curvescan.cli.main import run as command
 from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.mounts import check_mounts, common_motions, find_mount, find_mounts
-from tests.odometry.test_rig import MOUNTS, recorded, rig_bag
+from tests.engines.test_rig import MOUNTS, recorded, rig_bag
 
 
 def motions(rng, mount, n=60, sigma=0.004, sigma_rad=0.002):

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 import curvescan as cs
 from curvescan.benchmarks.benchmark import measure_speed
+from curvescan.engines import run_engine
 from curvescan.evaluation.real_logs import assign_relations, evaluate_log
 from curvescan.evaluation.trajectory_errors import trajectory_errors
 from curvescan.io import Relations
 from curvescan.matchers.cfsma.config import CfSmaConfig
-from curvescan.odometry import run_odometry
 from curvescan.paper.calibration import wall_scans
 from curvescan.paper.experiments import count_parameters, run_experiments
 from curvescan.paper.random_transform import (
@@ -191,7 +191,7 @@ def test_a_log_without_odometry_is_judged_by_its_motion():
 def test_lost_steps_are_found_and_put_right():
     log = simulate("room", n_scans=20, seed=4)
     blind = [log[k] if k not in (8, 9) else cs.LaserScan([], angle_min=0, angle_increment=1) for k in range(20)]
-    run = run_odometry(blind, cs.Odometry("cfsma"))
+    run = run_engine(blind, cs.Odometry("cfsma"))
     lost = find_lost_steps(log.truth.poses, run)
     assert lost.n_failed == np.count_nonzero(~run.is_matched[1:]) >= 2
     assert lost.motion > 0.0

@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from curvescan import se2
 from curvescan.cli.main import run
+from curvescan.engines import run_engine
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import log_from_arrays, read_log, write_log, write_tum
 from curvescan.io.ros.writing.bags import write_odometry_mcap
@@ -19,7 +20,7 @@ from curvescan.io.trajectories.layouts import write_kitti
 from curvescan.io.trajectories.relations import information_of, write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.io.writing import EXPORTS, ExportName, RunData, takes_edges, write_exports
-from curvescan.odometry import Odometry, Step, run_odometry
+from curvescan.odometry import Odometry, Step
 from curvescan.runs import run as runner
 from curvescan.runs.graph_files import edges_of
 from curvescan.simulation import simulate
@@ -141,14 +142,14 @@ def test_gtsam_reads_a_pose_graph(tmp_path: Path) -> None:
 
 
 def test_a_step_is_one_edge() -> None:
-    steps = run_odometry_steps()
+    steps = steps_of_a_run()
     edges = edges_of(steps)
     assert [(edge.i, edge.j) for edge in edges] == [(step.reference, step.index) for step in steps[1:]]
     for edge in edges:  # which refuses a covariance that is not positive definite
         assert np.isfinite(information_of(edge)).all()
 
 
-def run_odometry_steps() -> list[Step]:
+def steps_of_a_run() -> list[Step]:
     """Return the steps of a drive that comes back to where it began."""
     scans = list(simulate("office", n_scans=60, seed=4))
     odometry = Odometry()
@@ -193,7 +194,7 @@ def test_a_graph_of_a_run_joins_all_scans(tmp_path: Path) -> None:
     blind = log_from_arrays([(0.0, np.full(181, np.nan))], angle_min=-1.5, angle_increment=0.0174)
     scans.insert(3, blind[0])
     steps: list[Step] = []
-    result = run_odometry(scans, Odometry(), on_step=steps.append)
+    result = run_engine(scans, Odometry(), on_step=steps.append)
     write_g2o(tmp_path / "a", result.trajectory, edges_of(steps))
     vertices, edges, _ = read_g2o(tmp_path / "a")
     # after the blind scan what was in use before it matches: the keyframe

@@ -10,8 +10,8 @@ import pytest
 import curvescan as cs
 from curvescan import se2
 from curvescan.cli.main import run
+from curvescan.engines import run_engine
 from curvescan.io import Log, SensorSetup, apply_setup, read_csv, read_log
-from curvescan.odometry import run_odometry
 from curvescan.scan import mirrored, swept_backwards
 from tests.bags import SECOND, odometry, scan, transform, write_bag
 from tests.carmen_files import flaser, odom, write
@@ -67,7 +67,7 @@ def robot_bag(path, kind, yaw, *, flip=False, told=True, n_beams=720):
 def agreement(log):
     """Largest difference between the laser's motion by its wheels and by its scans: metres, radians."""
     wheels = log.odometry.poses
-    found = run_odometry(log).trajectory.poses
+    found = run_engine(log).trajectory.poses
     apart = se2.between(found, se2.between(wheels[0], wheels))
     return np.hypot(*apart[:, :2].T).max(), np.abs(apart[:, 2]).max()
 
@@ -258,7 +258,7 @@ def circle(pose, n_beams, start, way, seed, increment_deg=1.0):
 def test_circles_of_a_beam_more_or_less_give_the_motion(n_beams, way):
     poses = robot_poses()
     scans = [circle(p, n_beams, -2.0 - 0.3 * k, way, k) for k, p in enumerate(poses)]
-    found = run_odometry(scans).trajectory.poses
+    found = run_engine(scans).trajectory.poses
     np.testing.assert_allclose(found, poses, atol=0.008)
 
 
@@ -266,6 +266,6 @@ def test_beams_may_change_from_scan_to_scan():
     poses = robot_poses(8)
     layouts = [(360, -3.1, 1, 1.0), (180, -1.6, 1, 1.0), (721, 0.0, -1, 0.5), (300, 2.6, -1, 1.0)]
     scans = [circle(p, *layouts[k % 4][:3], k, layouts[k % 4][3]) for k, p in enumerate(poses)]
-    run_ = run_odometry(scans)
+    run_ = run_engine(scans)
     assert not run_.is_failed.any()
     np.testing.assert_allclose(run_.trajectory.poses, poses, atol=0.012)

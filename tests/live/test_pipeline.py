@@ -12,6 +12,7 @@ import pytest
 from curvescan import InvalidArgumentError, Odometry, Slam, SourceError, read_log, run, simulate
 from curvescan.diagnostics.preparation import prepare_log
 from curvescan.diagnostics.verdict import judge
+from curvescan.engines import run_engine
 from curvescan.io.arrays.memory import as_log
 from curvescan.live import (
     BoundedQueue,
@@ -30,7 +31,6 @@ from curvescan.live.live_map import LiveMap
 from curvescan.live.pipeline import finish
 from curvescan.live.sinks import WorkerSink
 from curvescan.live.sources import MendedSource
-from curvescan.odometry import run_odometry
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_the_sources_are_sources(log):
 def test_live_equals_offline_to_the_bit(log):
     tracked = []
     report = run_live(LogSource(log, speed=0), Tracker(Odometry()), on_scan=tracked.append)
-    offline = run_odometry(log)
+    offline = run_engine(log)
     assert report.n_scans == len(log)
     assert report.n_dropped == 0
     assert np.array_equal([t.step.pose for t in tracked], offline.trajectory.poses)
@@ -166,7 +166,7 @@ def test_a_recording_is_read_again(log, tmp_path):
     assert len(again) == len(log)
     for a, b in zip(again, log, strict=True):
         assert np.array_equal(a.ranges, b.ranges.astype(np.float32), equal_nan=True)
-    assert np.allclose(again.odometry.poses, run_odometry(log).trajectory.poses, atol=1e-9)
+    assert np.allclose(again.odometry.poses, run_engine(log).trajectory.poses, atol=1e-9)
 
 
 def written(log, folder, mode, engine, *, is_replayed):
@@ -235,7 +235,7 @@ def test_a_running_laser_is_mended_and_judged(log, tmp_path):
     assert min(n_codes[:99]) > 50
     assert max(n_codes[99:]) < 20  # those that lie by chance in fours like a surface
     sink.write(tmp_path, report, name="laser", engine=engine)
-    verdict = judge(run_odometry([t.scan for t in seen]), engine)
+    verdict = judge(run_engine([t.scan for t in seen]), engine)
     told = json.loads((tmp_path / "run.json").read_text())["verdict"]
     assert (told["is_trusted"], tuple(told["reasons"])) == (verdict.is_trusted, verdict.reasons)
 
@@ -332,7 +332,7 @@ def test_what_a_source_begins_with():
 def test_at_the_end_the_sensor_is_where_the_final_map_has_it(log):
     viewer = Viewer("a test", mode="SLAM", is_lossless=True)
     run_live(LogSource(log, speed=0), Tracker(Odometry()), [viewer])
-    poses = np.add(run_odometry(log).trajectory.poses, [1.0, 2.0, 0.0])
+    poses = np.add(run_engine(log).trajectory.poses, [1.0, 2.0, 0.0])
     viewer.finish_with(poses)
     viewer.close()
     viewer.stop()

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.odometry import OdometryConfig, run_odometry
+from curvescan.engines import run_engine
+from curvescan.odometry import OdometryConfig
 from curvescan.odometry.measurement import Matching
 from curvescan.odometry.motion_model import Clock, Prediction
 from curvescan.se2.uncertain import UncertainPose, identity
@@ -83,7 +84,7 @@ def test_wheels_move_nothing_in_an_office():
     wheels = log.truth.poses.copy()
     wheels[:, 2] *= 0.7
     wheels[10:13] = wheels[10]
-    alone, helped = run_odometry(log), run_odometry(log, odometry_poses=wheels)
+    alone, helped = run_engine(log), run_engine(log, odometry_poses=wheels)
     assert not alone.is_degenerate.any()
     assert helped.n_prior_rejected > 0
     np.testing.assert_array_equal(alone.trajectory.poses, helped.trajectory.poses, strict=True)

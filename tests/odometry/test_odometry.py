@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.odometry import KeyframesConfig, MotionConfig, OdometryConfig, StepOutcome, run_odometry
+from curvescan.engines import run_engine
+from curvescan.odometry import KeyframesConfig, MotionConfig, OdometryConfig, StepOutcome
 from tests.reference.se2 import compose_covariance
 from tests.scenes import room_scan
 
@@ -108,7 +109,7 @@ def test_a_first_scan_without_readings_gives_way_to_the_first_with_some():
 def test_a_run_collects_every_step():
     scans, truth = drive(12)
     pose_keyframe_scan = []
-    run = run_odometry(scans, on_step=lambda step: pose_keyframe_scan.append(step.index))
+    run = run_engine(scans, on_step=lambda step: pose_keyframe_scan.append(step.index))
     assert pose_keyframe_scan == list(range(12))
     assert len(run.trajectory) == len(run.outcomes) == run.seconds.size == run.n_matched.size == 12
     np.testing.assert_array_equal(run.trajectory.stamps, [s.stamp for s in scans])
@@ -123,14 +124,14 @@ def test_a_run_collects_every_step():
 
 def test_a_run_repeats_to_the_bit():
     scans, _ = drive(8)
-    first, second = run_odometry(scans), run_odometry(scans)
+    first, second = run_engine(scans), run_engine(scans)
     np.testing.assert_array_equal(first.trajectory.poses, second.trajectory.poses)
     np.testing.assert_array_equal(first.trajectory.covariances, second.trajectory.covariances)
 
 
 def test_a_run_counts_failures_by_reason():
     scans, _ = drive(4)
-    run = run_odometry([*scans, blank(), blank()])
+    run = run_engine([*scans, blank(), blank()])
     assert run.failures == {cs.Outcome.NO_SEGMENTS: 2}
 
 
@@ -141,13 +142,13 @@ def test_an_interrupt_keeps_what_there_is():
         yield from scans[:4]
         raise KeyboardInterrupt
 
-    run = run_odometry(interrupted())
+    run = run_engine(interrupted())
     assert run.is_partial
     assert len(run.trajectory) == len(run.outcomes) == 4
 
 
 def test_no_scans_give_an_empty_run():
-    run = run_odometry([])
+    run = run_engine([])
     assert len(run.trajectory) == 0
     assert run.trajectory.covariances.shape == (0, 3, 3)
 
@@ -173,10 +174,10 @@ def test_wrong_arguments_are_named():
 
 def test_the_first_scan_has_no_match_that_could_fail():
     scans, _ = drive(3)
-    run = run_odometry([*scans, blank()])
+    run = run_engine([*scans, blank()])
     assert run.is_failed.tolist() == [False, False, False, True]
     assert run.is_matched.tolist() == [False, True, True, False]
-    assert run_odometry([]).is_failed.size == 0
+    assert run_engine([]).is_failed.size == 0
 
 
 def in_the_office(seed, n, n_people=0, **kwargs):
@@ -188,7 +189,7 @@ def in_the_office(seed, n, n_people=0, **kwargs):
 def test_standing_still_does_not_drift():
     _, somewhere = in_the_office(4, 1)
     scans, _ = in_the_office(4, 150, n_people=4, poses=np.tile(somewhere, (150, 1)))
-    run = run_odometry(scans)
+    run = run_engine(scans)
     # the error is that of single matches, and does not grow: 5 mm and 0.1 deg hold at the end as at the beginning
     assert np.hypot(*run.trajectory.poses[:, :2].T).max() < 0.005
     assert np.abs(run.trajectory.poses[:, 2]).max() < math.radians(0.1)
@@ -205,7 +206,7 @@ def test_slow_driving_does_not_pile_up_noise():
         way = cs.se2.compose(start, np.outer(np.arange(200), [0.0005, 0.0, 0.0]))
         scans, truth = in_the_office(seed, 200, n_people=2, poses=way)
         for name, config in (("keys", OdometryConfig()), ("last", OdometryConfig.scan_to_scan())):
-            run = run_odometry(scans, cs.Odometry(config=config))
+            run = run_engine(scans, cs.Odometry(config=config))
             off = run.trajectory.poses - cs.se2.between(truth[0], truth)
             ends[name].append(np.hypot(*off[-50:, :2].T).mean())
     assert np.median(ends["keys"]) < 0.5 * np.median(ends["last"])
@@ -213,7 +214,7 @@ def test_slow_driving_does_not_pile_up_noise():
 
 def test_a_covered_sensor_finds_itself_again():
     scans, truth = in_the_office(2, 90)
-    run = run_odometry([*scans[:40], *[blank()] * 8, *scans[48:]])
+    run = run_engine([*scans[:40], *[blank()] * 8, *scans[48:]])
     assert set(run.outcomes[40:48]) <= {StepOutcome.PREDICTED, StepOutcome.HELD}
     after = run.outcomes[48]
     assert after in (StepOutcome.MATCHED, StepOutcome.RELOCALIZED)
@@ -229,10 +230,10 @@ def test_a_covered_sensor_finds_itself_again():
 def test_along_a_bare_corridor_the_wheels_decide_and_across_it_the_laser():
     log = cs.simulate("bare-corridor", n_scans=60, seed=5)
     truth = cs.se2.between(log.truth.poses[0], log.truth.poses)
-    alone = run_odometry(log).trajectory
+    alone = run_engine(log).trajectory
     odometry_pose = log.odometry.poses.copy()
     odometry_pose[:, 1] += 0.004 * np.arange(60)  # wheels that skid sideways
-    helped = run_odometry(log, odometry_poses=odometry_pose).trajectory
+    helped = run_engine(log, odometry_poses=odometry_pose).trajectory
     error = helped.poses - truth
     assert np.abs(error[:, 1]).max() < 0.02  # the walls tell
     assert np.abs(error[:, 0]).max() < 0.3  # 10 % of 7 m at most
@@ -249,7 +250,7 @@ def test_wheels_that_know_only_the_turn_are_taken_for_that():
     turned = cs.se2.compose(np.array([0.2, 0.1, 0.16]), np.array([0.0, 0.0, 1.2]))
     scans.append(room_scan(turned, sigma=0.003, seed=99))
     gyro = np.array([[np.nan, np.nan, 0.04 * k] for k in range(6)] + [[np.nan, np.nan, 1.36]])
-    run = run_odometry(scans, odometry_poses=gyro)
+    run = run_engine(scans, odometry_poses=gyro)
     assert run.outcomes[-1] in (StepOutcome.MATCHED, StepOutcome.CHAINED)
     np.testing.assert_allclose(run.trajectory.poses[-1], turned, atol=0.02)
 
@@ -260,7 +261,7 @@ def test_covariances_are_consistent_over_a_hundred_runs():
     squared = []
     for seed in range(100):
         log = cs.simulate("office", n_scans=50, seed=7000 + seed)
-        run = run_odometry(log)
+        run = run_engine(log)
         assert StepOutcome.PREDICTED not in run.outcomes
         truth = cs.se2.between(log.truth.poses[0], log.truth.poses[-1])
         error = run.trajectory.poses[-1] - truth
@@ -300,7 +301,7 @@ def test_carried_to_an_unseen_place_it_is_lost_and_starts_anew():
 def test_key_scans_as_a_log_are_not_lost(real_data, name, most):
     """A metre apart there is no motion to expect; what the scans say must do."""
     log = cs.read_log(real_data / f"keyframed-corrected/{name}-corrected.log.gz")
-    run = run_odometry(log)
+    run = run_engine(log)
     assert StepOutcome.LOST not in run.outcomes
     corrected = log.odometry.poses
     end = cs.se2.between(corrected[0], corrected[-1])
@@ -334,7 +335,7 @@ def test_stamps_that_jitter_change_nothing():
     scans, _ = in_the_office(5, 30)
     rng = np.random.default_rng(0)
     jittered = [dataclasses.replace(s, stamp=s.stamp + rng.uniform(-1e-3, 1e-3)) for s in scans]
-    one, other = run_odometry(scans), run_odometry(jittered)
+    one, other = run_engine(scans), run_engine(jittered)
     np.testing.assert_array_equal(one.trajectory.poses, other.trajectory.poses)
 
 
@@ -351,7 +352,7 @@ def test_a_match_beats_wheels_that_contradict_it(crept, n_least, n_most):
     scans, truth = in_the_office(3, 60)
     wheels = truth.copy()
     wheels[30:36] = wheels[30] + crept * np.arange(6)[:, np.newaxis]
-    alone, helped = run_odometry(scans), run_odometry(scans, odometry_poses=wheels)
+    alone, helped = run_engine(scans), run_engine(scans, odometry_poses=wheels)
     assert n_least <= helped.n_prior_rejected <= n_most
     assert alone.n_prior_rejected == 0
     true_end = cs.se2.between(truth[0], truth[-1])

@@ -30,6 +30,7 @@ import curvescan
 from curvescan import se2
 from curvescan.deskew import middle_of_sweep
 from curvescan.diagnostics.preparation import StreamMender
+from curvescan.engines.rig import RigJoiner
 from curvescan.io.config import read_config
 from curvescan.io.files.lines import BrokenRecordError
 from curvescan.io.ros.messages import scan_of
@@ -39,7 +40,6 @@ from curvescan.live.base_motion import BaseMotion
 from curvescan.live.live_map import warm_up
 from curvescan.matchers.registry import find_matcher
 from curvescan.odometry import OdometryConfig
-from curvescan.odometry.rig import RigJoiner
 from curvescan.scan import mirrored
 from curvescan.se2 import uncertain
 from curvescan.types import UncertainPose

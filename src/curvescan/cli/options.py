@@ -196,7 +196,7 @@ class Reading:
     def open(self, path: Path) -> Log:
         """Return the log that the flags ask for."""
         if self.rig:
-            from curvescan.odometry.rig import Rig
+            from curvescan.engines.rig import Rig
 
             return Rig.of_bag(path).read(path)
 

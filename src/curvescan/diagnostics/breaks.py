@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
+from curvescan.engines import RunRecord
 from curvescan.io.log import Log
-from curvescan.odometry.run import RunRecord
 from curvescan.odometry.step import StepOutcome
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind

@@ -15,12 +15,12 @@ from curvescan.configs import shipped_table
 from curvescan.diagnostics.breaks import Break, find_breaks
 from curvescan.diagnostics.issues import Sentences
 from curvescan.diagnostics.preparation import PreparedLog
+from curvescan.engines import RunRecord
+from curvescan.engines.engine import Engine
 from curvescan.io.log import ScanAccess
-from curvescan.odometry.run import RunRecord
 from curvescan.odometry.step import StepOutcome
 from curvescan.slam import Localizer, Slam
 from curvescan.slam.pose_graph.posterior import covariances_seen_from
-from curvescan.slam.run import Engine
 from curvescan.types import Bools
 
 MAX_UNMATCHED, MAX_UNMATCHED_SHARE = 2, 0.02

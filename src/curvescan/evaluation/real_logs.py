@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
+from curvescan.engines import RunRecord, run_engine
 from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.relations import RelationErrors, find_stamps, relation_errors
 from curvescan.io.log import Log
 from curvescan.io.trajectories.relations import Relations
 from curvescan.matchers import match, prepare
 from curvescan.matchers.result import Outcome
-from curvescan.odometry import Odometry, RunRecord, run_odometry
+from curvescan.odometry import Odometry
 from curvescan.types import Floats
 
 RIGHT = (0.25, np.radians(3.0))  # a match is right within this of the log's own poses: metres, radians
@@ -32,7 +33,6 @@ WRONG = (0.3, np.radians(10.0))  # a match is plainly wrong beyond either of the
 class LogEvaluation:
     """How one method did on the consecutive scans of one log."""
 
-    # names
     log: str
     method: str
     n_steps: int  # pairs of consecutive scans
@@ -113,7 +113,7 @@ def evaluate_log(
         difference = np.column_stack([np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2])])
     run = errors = None
     if relations is not None:
-        run = run_odometry(log, Odometry(method))
+        run = run_engine(log, Odometry(method))
         errors = relation_errors(run.trajectory, relations, laser_pose)
     return LogEvaluation(
         log=log.name,

@@ -17,6 +17,7 @@ from PIL import Image
 import curvescan
 from curvescan import se2
 from curvescan._compilation import watch
+from curvescan.engines.engine import Engine
 from curvescan.errors import MapTooLargeError
 from curvescan.live.tracker import Pace, TrackedScan, Tracker
 from curvescan.mapping.config import OccupancyConfig
@@ -28,7 +29,6 @@ from curvescan.simulation.driving.pursuit import Drive
 from curvescan.simulation.recording import simulate
 from curvescan.simulation.sensing.sensors import SENSORS
 from curvescan.slam import SlamMap
-from curvescan.slam.run import Engine
 from curvescan.types import Floats, Pose
 
 _MOVED = 0.05  # a scan enters the map when the sensor has moved by this much, metres or radians

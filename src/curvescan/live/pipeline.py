@@ -11,14 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan._interrupts import stoppable
+from curvescan.engines import RunRecord
+from curvescan.engines.record import Recorder
+from curvescan.engines.run import finished
 from curvescan.errors import CurvescanError
 from curvescan.live.sinks import BoundedQueue, LiveSink, MapSink
 from curvescan.live.sources import ScanSource
 from curvescan.live.tracker import TrackedScan, Tracker
-from curvescan.odometry.run import Recorder, RunRecord
 from curvescan.scan import LaserScan
 from curvescan.slam import Slam
-from curvescan.slam.run import finished
 from curvescan.types import Floats
 
 _CAPACITY = 4  # scans that may wait for the tracker: at 10 Hz a hiccup of 0.4 s

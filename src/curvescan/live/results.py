@@ -10,6 +10,7 @@ import numpy as np
 
 from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.diagnostics.verdict import judge
+from curvescan.engines.engine import Engine
 from curvescan.io.files.lines import ReadError
 from curvescan.io.log import ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -22,7 +23,6 @@ from curvescan.runs.result import Run
 from curvescan.runs.results import percentiles, save_run
 from curvescan.scan import LaserScan
 from curvescan.slam import Localizer
-from curvescan.slam.run import Engine
 from curvescan.types import Pose
 
 _LONGEST_STEP_S = 2.0  # what moved is looked for between scans that are kept at most so far apart, seconds

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Self
 
 from curvescan.deskew import middle_of_sweep
+from curvescan.engines.engine import Engine, is_deskewed, pose_at
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Step
-from curvescan.odometry.run import pose_at
 from curvescan.scan import LaserScan
 from curvescan.slam import Slam
-from curvescan.slam.run import Engine, is_deskewed
 from curvescan.types import Pose
 
 

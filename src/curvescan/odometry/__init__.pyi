@@ -2,7 +2,5 @@ from .config import KeyframesConfig as KeyframesConfig
 from .config import MotionConfig as MotionConfig
 from .config import OdometryConfig as OdometryConfig
 from .odometry import Odometry as Odometry
-from .run import RunRecord as RunRecord
-from .run import run_odometry as run_odometry
 from .step import Step as Step
 from .step import StepOutcome as StepOutcome

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from curvescan.matchers import MatchResult
+from curvescan.se2.uncertain import UncertainPose, between
 from curvescan.types import Cov, Pose
 
 if TYPE_CHECKING:
@@ -30,6 +34,9 @@ class StepOutcome(Enum):
 
 MATCHES = (StepOutcome.MATCHED, StepOutcome.CHAINED, StepOutcome.RELOCALIZED, StepOutcome.FOUND, StepOutcome.TRACKED)
 """Outcomes that stand on a match."""
+
+UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
+"""Outcomes of steps whose motion no match measured."""
 
 IN_MAP = (StepOutcome.SEARCHING, StepOutcome.FOUND, StepOutcome.TRACKED, StepOutcome.PREDICTED)
 """Outcomes of localization."""
@@ -121,3 +128,14 @@ class Step:
         x, y, theta = self.pose
         closed = f", {len(self.closures)} loop closures" if self.closures else ""
         return f"Step({self.index}: {self.outcome.name}, x={x:.4f} m, y={y:.4f} m, theta={theta:.4f} rad{closed})"
+
+
+def between_steps(origin: Step, step: Step) -> UncertainPose:
+    """Return the pose of a step in the frame of an earlier one, with what was added to the covariance since."""
+    found = between(UncertainPose(origin.pose, origin.covariance), UncertainPose(step.pose, step.covariance))
+    with suppress(np.linalg.LinAlgError):
+        np.linalg.cholesky(found.cov)
+        return found
+    # the two hang on one keyframe, or a stretch was settled since: the poses then differ by what was put right
+    values, vectors = np.linalg.eigh(found.cov)
+    return UncertainPose(found.pose, (vectors * np.abs(values)) @ vectors.T)

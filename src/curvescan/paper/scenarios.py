@@ -14,13 +14,14 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from curvescan import se2
+from curvescan.engines import RunRecord, run_engine
 from curvescan.evaluation.trajectory_errors import TrajectoryErrors, trajectory_errors
 from curvescan.mapping.dynamic import dynamic_along
 from curvescan.matchers.baselines.iteration import IterationTrace
 from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.matchers.result import Label, MatchResult
-from curvescan.odometry import Odometry, OdometryConfig, RunRecord, Step, run_odometry
+from curvescan.odometry import Odometry, OdometryConfig, Step
 from curvescan.paper.random_transform import is_success
 from curvescan.scan import LaserScan
 from curvescan.simulation import Drive, Simulation, simulate
@@ -170,8 +171,7 @@ def run_scenario(
             is_discarded[k] = log[k].valid & ~is_matched[k]
         on_step(step)
 
-    odometry = Odometry(method, matcher=config, config=OdometryConfig.scan_to_scan())
-    run = run_odometry(log, odometry, on_step=collect)
+    run = run_engine(log, Odometry(method, matcher=config, config=OdometryConfig.scan_to_scan()), on_step=collect)
     is_moved = np.zeros_like(is_matched)
     if log.is_person.any():
         is_moved = np.array(list(dynamic_along(log, run.trajectory.poses, run.is_joined)))

@@ -15,12 +15,12 @@ from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 
 from curvescan import se2
+from curvescan.engines import RunRecord
 from curvescan.io.files.lines import printable
 from curvescan.io.log import Log
 from curvescan.mapping.occupancy import Blocks
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps
-from curvescan.odometry import RunRecord
 from curvescan.plots.colours import DARK, FAILED, GREY, LIGHT, PAIRED, PATH, TRUTH, WHEELS
 from curvescan.slam.loops.closures import is_loop
 from curvescan.slam.map import SlamMap

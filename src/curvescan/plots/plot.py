@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
+from curvescan.engines import RunRecord
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Log
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.matchers.result import MatchResult
-from curvescan.odometry import RunRecord
 from curvescan.plots.colours import FIRST, PATH, SECOND
 from curvescan.plots.map import as_place, draw_grid, mark_ends
 from curvescan.plots.match import draw_overlay

@@ -17,16 +17,17 @@ import numpy as np
 from curvescan.diagnostics.issues import Issue
 from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.diagnostics.verdict import Verdict
+from curvescan.engines import RunRecord
+from curvescan.engines.engine import Engine
 from curvescan.io.files.output import output_folder
 from curvescan.io.log import Log
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.mapping.run_maps import RunMaps
-from curvescan.odometry import RunRecord, Step
+from curvescan.odometry import Step
 from curvescan.runs.results import maps_of_run, save_run, with_grid
 from curvescan.slam import Localizer, Slam, SlamMap
-from curvescan.slam.run import Engine
 from curvescan.types import Pose
 
 if TYPE_CHECKING:

@@ -19,6 +19,8 @@ import numpy as np
 from curvescan import se2
 from curvescan._version import __version__
 from curvescan.configs import as_plain
+from curvescan.engines.engine import is_deskewed, odometry_of
+from curvescan.engines.odometry_process import OdometryProcess
 from curvescan.io.ros.bags.bag_files import storage_files
 from curvescan.io.trajectories.layouts import write_csv, write_tum
 from curvescan.io.trajectories.relations import write_g2o
@@ -31,11 +33,9 @@ from curvescan.odometry import Odometry, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.odometry.step import IN_MAP
 from curvescan.runs.graph_files import describe_graph, write_closures, write_view_file
-from curvescan.runs.odometry_process import OdometryProcess
 from curvescan.slam import Localizer, Slam
 from curvescan.slam.loop_search import Beside
 from curvescan.slam.map import SlamMap
-from curvescan.slam.run import is_deskewed, odometry_of
 
 if TYPE_CHECKING:
     from curvescan.runs.result import Run

@@ -16,6 +16,9 @@ from curvescan._compilation import watch
 from curvescan.configs import as_config, check_names, nearest
 from curvescan.diagnostics.preparation import prepare_log
 from curvescan.diagnostics.verdict import judge
+from curvescan.engines import run_engine
+from curvescan.engines.engine import Engine, in_turn, odometry_of
+from curvescan.engines.odometry_process import OdometryProcess, can_run_ahead
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.files.output import output_folder
@@ -26,16 +29,13 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry import Odometry, OdometryConfig
-from curvescan.odometry.run import in_turn
 from curvescan.runs.graph_files import edges_of
-from curvescan.runs.odometry_process import OdometryProcess, can_run_ahead
 from curvescan.runs.result import Run
 from curvescan.runs.results import left_out, list_further_files, save_run
 from curvescan.scan import LaserScan
-from curvescan.slam import Localizer, Slam, SlamConfig, SlamMap, run_engine
+from curvescan.slam import Localizer, Slam, SlamConfig, SlamMap
 from curvescan.slam.localization.grid_map import opened
 from curvescan.slam.map import as_map
-from curvescan.slam.run import Engine, odometry_of
 from curvescan.types import Pose, UncertainPose
 
 EngineName: TypeAlias = Literal["odometry", "slam"]

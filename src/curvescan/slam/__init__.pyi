@@ -5,5 +5,4 @@ from .loops.closures import Closure as Closure
 from .loops.closures import ClosureOutcome as ClosureOutcome
 from .map import SlamMap as SlamMap
 from .map import load_map as load_map
-from .run import run_engine as run_engine
 from .slam import Slam as Slam

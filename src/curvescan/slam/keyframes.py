@@ -19,7 +19,7 @@ from curvescan.slam.loops.overlap import N_SECTORS, range_profile
 from curvescan.slam.loops.place_index import PlaceIndex, Signature, signature
 from curvescan.slam.open_direction import along_walls
 from curvescan.slam.pose_graph.rows import Rows
-from curvescan.types import Bools, Ints, Pose
+from curvescan.types import Bools, Ints
 
 _N_PREPARED = 100
 """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
@@ -103,7 +103,8 @@ class Keyframes:
         result = reference.matcher.match(reference.features, current.features, prior)
         if result.degenerate_direction is None:
             return result
-        if is_turn(result.degenerate_direction):
+        x, y, turn = result.degenerate_direction.tolist()
+        if math.hypot(x, y) <= abs(turn):
             return replace(result, outcome=Outcome.UNCONSTRAINED, pose=NO_POSE, covariance=NO_COVARIANCE)
         seen = reference.scan.points[reference.scan.valid]
         return replace(result, degenerate_direction=along_walls(seen, result.degenerate_direction))
@@ -111,11 +112,6 @@ class Keyframes:
     def prepare(self, scan: LaserScan) -> PreparedScan:
         """Return any scan ready to be matched with keyframes."""
         return prepared(scan, self._matcher, "scan")
-
-
-def is_turn(direction: Pose) -> bool:
-    """Return whether an open direction, (x, y, theta), is a turn, as in a round room, and no way."""
-    return bool(math.hypot(direction[0], direction[1]) <= abs(direction[2]))
 
 
 def compact(scan: LaserScan) -> LaserScan:

@@ -21,7 +21,7 @@ from curvescan.matchers import DEFAULT_METHOD, find_matcher
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
-from curvescan.odometry.step import Step, StepOutcome
+from curvescan.odometry.step import UNMEASURED, Step, StepOutcome, between_steps
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
@@ -33,7 +33,6 @@ from curvescan.slam.localization.matching import WORSE, Hit, MapMatcher, fused
 from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, Views, said
 from curvescan.slam.map import SlamMap
-from curvescan.slam.open_drive import UNMEASURED, between_steps
 
 _SEARCHED = np.diag(np.square([0.5 * STEP_M, 0.5 * STEP_M, STEP_RAD]))
 """Covariance of a pose that the search found, as a guess for matches: metres and radians."""

@@ -27,7 +27,7 @@ from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
-from curvescan.odometry.step import Step, StepOutcome
+from curvescan.odometry.step import UNMEASURED, Step, StepOutcome, between_steps
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.config import SlamConfig
@@ -38,7 +38,6 @@ from curvescan.slam.loop_search import Beside, LoopSearch
 from curvescan.slam.loops.audit import Contradiction
 from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap, as_map
-from curvescan.slam.open_drive import UNMEASURED, OpenDrive, between_steps
 from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.records import Records
 from curvescan.types import Ints, Pose
@@ -93,7 +92,6 @@ class Slam:
             self._session = begun.n_sessions
         self._records = Records()
         self._deskewer = Deskewer()
-        self._open_drive = OpenDrive()
         self._origin: Step | None = None  # the step of the current keyframe
         self._n_lost = self._n_most_lost = 0  # scans that nothing places, now and since the current keyframe
         self._n_unsettled = 0  # of an open gap of the odometry
@@ -129,14 +127,13 @@ class Slam:
     def add_placed(self, scan: LaserScan, step: Step) -> Step:
         """Return where the sensor was at a scan that an odometry has placed, as :meth:`add` does."""
         self._deskewer = self._deskewer.ticked(scan)
-        self._open_drive = self._open_drive.added(step)
         if self._origin is None:
             seen = self._begin_fragment(scan, step, np.zeros(3))
         else:
             is_lost = step.outcome in UNMEASURED and not step.is_driven
             self._n_lost = self._n_lost + 1 if is_lost else 0
             self._n_most_lost = max(self._n_most_lost, self._n_lost)
-            seen = self._open_drive.known(between_steps(self._origin, step))
+            seen = between_steps(self._origin, step)
             if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
                 seen = self._begin_fragment(scan, step, se2.compose(self._map.current_in_map().pose, seen.pose))
             elif self._is_due(seen) and (step.is_driven or not step.is_unsettled):
@@ -183,7 +180,6 @@ class Slam:
         n_lost = self._n_unsettled if step.outcome is StepOutcome.LOST else 0
         self._records.begin(self.keyframes[k].number, None if way is None else way.pose, n_lost)
         self._origin, self._n_most_lost, self._n_unsettled = step, 0, 0
-        self._open_drive = self._open_drive.begun()
         return identity()
 
     def _optimize_beside(self) -> bool:

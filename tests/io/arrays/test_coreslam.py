@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from curvescan import se2
+from curvescan.engines import run_engine
 from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io import read_log
-from curvescan.odometry import run_odometry
 
 RANGES = [1500] * 682
 
@@ -110,7 +110,7 @@ def test_the_real_log_and_its_wheels_turn_the_same_way(real_data: Path) -> None:
     log = read_log(real_data / "mines-urg04/exp1.dat.gz")
     assert (len(log), log.read_errors) == (756, ())
     assert log.odometry is not None
-    run = run_odometry(scan for i, scan in enumerate(log) if i < 300)
+    run = run_engine(scan for i, scan in enumerate(log) if i < 300)
     poses = run.trajectory.poses
     wheels = np.diff(np.unwrap(log.odometry.poses[:300, 2]))
     laser = np.diff(np.unwrap(poses[:, 2]))

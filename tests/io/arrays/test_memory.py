@@ -7,9 +7,9 @@ import pytest
 
 import curvescan as cs
 from curvescan.diagnostics.inspect import inspect_log
+from curvescan.engines import run_engine
 from curvescan.errors import InvalidArgumentError
 from curvescan.io import Log
-from curvescan.odometry import run_odometry
 from tests.scenes import room_scan
 
 GRID = {"angle_min": -1.0, "angle_increment": 0.5}
@@ -47,7 +47,7 @@ def test_the_odometry_takes_it() -> None:
     scans = [room_scan((0.05 * k, 0.0, 0.0), seed=k) for k in range(3)]
     pairs = [(0.1 * k, scan.ranges) for k, scan in enumerate(scans)]
     beams = {"angle_min": scans[0].angle_min, "angle_increment": scans[0].angle_increment}
-    run = run_odometry(cs.log_from_arrays(pairs, **beams))
+    run = run_engine(cs.log_from_arrays(pairs, **beams))
     np.testing.assert_allclose(run.trajectory.poses[-1], [0.1, 0.0, 0.0], atol=0.02)
 
 

@@ -11,12 +11,12 @@ import pytest
 
 from curvescan import load_map
 from curvescan.cli.main import run
+from curvescan.editing.edits import edited, read_edits
 from curvescan.live.finished.site import FinishedSite
 from curvescan.live.finished.view import view
 from curvescan.live.server import MAX_BODY, PageServer
-from curvescan.slam.editing.edits import edited, read_edits
+from tests.editing.ring import false_closure, ring
 from tests.live.chromium import chromium
-from tests.slam.editing.ring import false_closure, ring
 
 
 @pytest.fixture(scope="module")

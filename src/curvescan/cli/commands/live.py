@@ -24,10 +24,10 @@ from curvescan.mapping.config import OccupancyConfig
 if TYPE_CHECKING:
     from curvescan.diagnostics.preparation import PreparedLog
     from curvescan.diagnostics.verdict import Verdict
+    from curvescan.engines.engine import Engine
     from curvescan.io import Log
     from curvescan.live import LiveReport, ScanSource, Tracker, Viewer
     from curvescan.live.sinks import MapSink
-    from curvescan.slam.run import Engine
 
 Mode: TypeAlias = Literal["SLAM", "odometry", "localization"]
 

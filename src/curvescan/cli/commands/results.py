@@ -19,9 +19,9 @@ from curvescan.io.writing import ExportName, RunData, write_exports, write_pcd, 
 if TYPE_CHECKING:
     from typing_extensions import TypeIs
 
+    from curvescan.editing.operations import Change
     from curvescan.mapping.occupancy import OccupancyGrid
     from curvescan.slam import SlamMap
-    from curvescan.slam.editing.operations import Change
 
     AnyMap: TypeAlias = SlamMap | OccupancyGrid
 
@@ -49,8 +49,8 @@ class ChangeFlags:
 
     def changed(self, given: AnyMap) -> AnyMap:
         """Return a map with the changes."""
+        from curvescan.editing import operations
         from curvescan.mapping import grid_editing
-        from curvescan.slam.editing import operations
         from curvescan.slam.localization.grid_map import opened
 
         if self.merge is not None:
@@ -94,8 +94,8 @@ def edit_map(
     export
         Also write the keyframes as trajectory.kitti, graph.g2o or run.mcap.
     """
-    from curvescan.slam.editing import operations
-    from curvescan.slam.editing.edits import keyframe_trajectory, map_folder
+    from curvescan.editing import operations
+    from curvescan.editing.edits import keyframe_trajectory, map_folder
     from curvescan.slam.localization.grid_map import opened
 
     out = results_folder(out, file, "map")
@@ -138,8 +138,8 @@ def _grid_of(given: AnyMap) -> OccupancyGrid:
 
 def _merged(one: AnyMap, other: AnyMap) -> AnyMap:
     """Return two maps joined by matches without a guess: keyframes, or cells where one of them has no keyframes."""
+    from curvescan.editing.merging import laid_on, merged
     from curvescan.mapping.grid_editing import joined
-    from curvescan.slam.editing.merging import laid_on, merged
 
     if _has_keyframes(one) and _has_keyframes(other):
         return merged(one, other)
@@ -149,8 +149,8 @@ def _merged(one: AnyMap, other: AnyMap) -> AnyMap:
 
 def _compared(one: AnyMap, later: AnyMap) -> list[Change]:
     """Return what changed, after the later map has been laid on the other."""
-    from curvescan.slam.editing import operations
-    from curvescan.slam.editing.merging import in_one_frame, laid_on
+    from curvescan.editing import operations
+    from curvescan.editing.merging import in_one_frame, laid_on
 
     try:
         if _has_keyframes(one) and _has_keyframes(later):

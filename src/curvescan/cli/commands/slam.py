@@ -137,8 +137,8 @@ def slam(
 
 def _mended(path: Path | None, flags: EditFlags, out: Path | None) -> SlamMap:
     """Return the map with its edits, written with them into a folder, if there is one."""
+    from curvescan.editing.edits import Edit, added, edited, read_edits, save_map_folder
     from curvescan.slam import load_map
-    from curvescan.slam.editing.edits import Edit, added, edited, read_edits, save_map_folder
 
     if path is None or flags == EditFlags():
         raise InvalidArgumentError("give a LOG; or --map, and what to mend in it: --drop, --add or --edits")

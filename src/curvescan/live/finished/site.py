@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from curvescan import se2
+from curvescan.editing.edits import ask_match, edit_of, edited, edits_text, plain_edit
 from curvescan.errors import InvalidArgumentError
 from curvescan.live.finished.results_folder import FinishedRun, revised_tree
 from curvescan.live.finished.view import FinishedView, packed
 from curvescan.live.live_map import map_file
-from curvescan.slam.editing.edits import ask_match, edit_of, edited, edits_text, plain_edit
 from curvescan.slam.map import SlamMap
 
 _BYTES, _JSON = "application/octet-stream", "application/json"

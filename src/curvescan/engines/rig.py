@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.deskew import deskew, middle_of_sweep
+from curvescan.engines.engine import Engine
 from curvescan.errors import InvalidArgumentError
 from curvescan.io import read_log
 from curvescan.io.arrays.memory import MemoryLog
@@ -29,7 +30,6 @@ from curvescan.io.ros.odometry import poses_at
 from curvescan.io.ros.transforms import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry.odometry import Odometry
-from curvescan.odometry.run import Engine
 from curvescan.odometry.step import Step
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Points, Pose

@@ -8,15 +8,15 @@ from scipy.spatial import cKDTree
 
 from curvescan import InvalidArgumentError, LaserScan, OccupancyConfig, OccupancyGrid, load_map, se2, simulate
 from curvescan.cli.main import run
+from curvescan.editing import merging, operations
+from curvescan.editing.merging import merged
 from curvescan.io.writing import write_pcd, write_ply
 from curvescan.mapping import grid_editing
 from curvescan.mapping.grid_editing import wall_angle
 from curvescan.mapping.map_server import read_map, write_map
 from curvescan.simulation import build_world
-from curvescan.slam.editing import merging, operations
-from curvescan.slam.editing.merging import merged
 from curvescan.slam.pose_graph.graph import EdgeKind
-from tests.slam.editing.ring import N, ring
+from tests.editing.ring import N, ring
 
 
 def in_a_hall():

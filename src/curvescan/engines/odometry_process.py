@@ -17,8 +17,9 @@ from queue import Full, Queue
 from typing import Any
 
 from curvescan._processes import has_own_python, n_usable_cores, python_command
+from curvescan.engines.engine import PlacedScan, in_turn, placed, pose_at
+from curvescan.engines.record import without_trace
 from curvescan.odometry.odometry import Odometry
-from curvescan.odometry.run import PlacedScan, in_turn, placed, pose_at, without_trace
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 

@@ -7,18 +7,9 @@ import numpy as np
 import pytest
 
 from curvescan import InvalidArgumentError, LogFileError, LogFormatError, load_map, simulate
-from curvescan.slam.editing.edits import (
-    Edit,
-    added,
-    ask_match,
-    edit_of,
-    edited,
-    edits_text,
-    read_edits,
-    save_map_folder,
-)
+from curvescan.editing.edits import Edit, added, ask_match, edit_of, edited, edits_text, read_edits, save_map_folder
 from curvescan.slam.pose_graph.graph import EdgeKind
-from tests.slam.editing.ring import N, false_closure, ring
+from tests.editing.ring import N, false_closure, ring
 
 
 def error_of(slam_map, truth):

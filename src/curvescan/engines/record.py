@@ -1,24 +1,18 @@
-"""The record of a run over a whole log, and the odometry of one."""
+"""The record of a run over a whole log."""
 
 from __future__ import annotations
 
 import math
-import time
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from curvescan._interrupts import stoppable
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import Outcome
-from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import MATCHES, Step, StepOutcome
-from curvescan.scan import LaserScan
-from curvescan.types import Bools, Floats, Ints, Pose
+from curvescan.types import Bools, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -165,77 +159,8 @@ class Recorder:
         )
 
 
-class Engine(Protocol):
-    """What places scans: odometry, SLAM or a localizer."""
-
-    def add(self, scan: LaserScan, odometry_pose: Pose | None = None) -> Step:
-        """Return where the sensor was at this scan."""
-        ...
-
-
-class PlacedScan(NamedTuple):
-    """A scan, its step, and the seconds that took."""
-
-    scan: LaserScan
-    step: Step
-    seconds: float
-
-
-def placed(engine: Engine, scan: LaserScan, odometry_pose: Pose | None) -> PlacedScan:
-    """Add a scan to an engine, and return it with its step."""
-    started = time.perf_counter()
-    step = engine.add(scan, odometry_pose)
-    return PlacedScan(scan, step, time.perf_counter() - started)
-
-
-def in_turn(engine: Engine, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> Iterator[PlacedScan]:
-    """Yield the scans with their steps, each placed when it is wanted; odometry_poses (n, 3)."""
-    for k, scan in enumerate(scans):
-        yield placed(engine, scan, pose_at(odometry_poses, k))
-
-
-def record_steps(
-    source: Iterable[PlacedScan],
-    method: str,
-    *,
-    has_prior: bool,
-    on_step: Callable[[Step], None] | None = None,
-    keeps_steps: bool = False,
-) -> RunRecord:
-    """Return the record of scans as they are placed; Ctrl-C ends it and keeps the results so far, marked as partial."""
-    recorder = Recorder(keeps_steps=keeps_steps)
-    with stoppable() as stop:
-        for _, step, seconds in source:
-            recorder.add(step, seconds)
-            if on_step:
-                on_step(step)
-            if stop.is_asked:
-                break
-    return recorder.record(method, is_partial=stop.is_asked, has_prior=has_prior)
-
-
-def run_odometry(
-    scans: Iterable[LaserScan],
-    odometry: Odometry | None = None,
-    *,
-    odometry_poses: Pose | None = None,
-    on_step: Callable[[Step], None] | None = None,
-) -> RunRecord:
-    """Return the record of an odometry, a fresh one or the default, over a sequence of scans; odometry_poses (n, 3)."""
-    engine = odometry or Odometry()
-    source = in_turn(engine, scans, odometry_poses)
-    return record_steps(source, engine.method, has_prior=odometry_poses is not None, on_step=on_step)
-
-
 def without_trace(step: Step) -> Step:
     """Return a step without what the matcher did on the way, which is larger than all the rest."""
     if step.match is None or step.match.trace is None:
         return step
     return replace(step, match=step.match.with_scans(None, None, trace=None))
-
-
-def pose_at(odometry_poses: Pose | None, k: int) -> Pose | None:
-    """Return the pose of the sensor at scan k by its wheels; NaN beyond the last, as of a log that grows."""
-    if odometry_poses is None:
-        return None
-    return odometry_poses[k] if k < len(odometry_poses) else np.full(3, np.nan)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan.engines import odometry_process, run_engine
+from curvescan.engines.engine import in_turn
+from curvescan.engines.odometry_process import OdometryProcess, can_run_ahead
 from curvescan.errors import LogFormatError
-from curvescan.odometry.run import in_turn
-from curvescan.runs import odometry_process
-from curvescan.runs.odometry_process import OdometryProcess, can_run_ahead
-from curvescan.slam import Slam, run_engine
+from curvescan.slam import Slam
 
 pytestmark = pytest.mark.slow
 

@@ -1,4 +1,4 @@
-"""Odometry, SLAM or localization over a whole log."""
+"""An engine over a whole log."""
 
 from __future__ import annotations
 
@@ -6,55 +6,47 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, TypeAlias
 
-from curvescan.odometry import Odometry
-from curvescan.odometry.run import PlacedScan, RunRecord, in_turn, record_steps
-from curvescan.odometry.step import Step
+from curvescan._interrupts import stoppable
+from curvescan.engines.engine import Engine, PlacedScan, in_turn
+from curvescan.engines.odometry_process import OdometryProcess
+from curvescan.engines.record import Recorder, RunRecord
+from curvescan.odometry import Odometry, Step
 from curvescan.scan import LaserScan
-from curvescan.slam.localizer import Localizer
 from curvescan.slam.loop_search import Beside
 from curvescan.slam.slam import Slam
 from curvescan.types import Pose
 
-if TYPE_CHECKING:
-    from curvescan.runs.odometry_process import OdometryProcess
-
-Engine: TypeAlias = Odometry | Slam | Localizer
-"""What has ``add(scan, odometry_pose) -> Step``."""
-
-
-def odometry_of(engine: Engine) -> Odometry:
-    """Return the odometry of an engine, which may be it itself."""
-    return engine if isinstance(engine, Odometry) else engine.odometry
-
-
-def is_deskewed(engine: Engine) -> bool:
-    """Return whether an engine deskews sweeps by the times of their beams, as a map of them must then do too."""
-    return odometry_of(engine).config.deskew
-
 
 def run_engine(
     scans: Iterable[LaserScan],
-    engine: Engine,
+    engine: Engine | None = None,
     *,
     odometry_poses: Pose | None = None,
     on_step: Callable[[Step], None] | None = None,
     ahead: OdometryProcess | None = None,
     keeps_steps: bool = True,
 ) -> RunRecord:
-    """Return the record of an engine over a sequence of scans; Ctrl-C ends it and keeps the results so far.
+    """Return the record of an engine over a sequence of scans; Ctrl-C ends it and keeps the results so far, as partial.
 
-    odometry_poses (n, 3); ahead: The odometry of these scans, begun with ``engine.odometry``, for SLAM alone.
+    engine: A fresh odometry without one; odometry_poses (n, 3); ahead: The odometry of these scans, begun with
+    ``engine.odometry``, for SLAM alone.
     """
+    engine = engine or Odometry()
     if isinstance(engine, Slam):
         placed = in_turn(engine.odometry, scans, odometry_poses) if ahead is None else ahead
         source = _closing_loops(engine, placed)
     else:
         source = in_turn(engine, scans, odometry_poses)
-    record = record_steps(
-        source, engine.method, has_prior=odometry_poses is not None, on_step=on_step, keeps_steps=keeps_steps
-    )
+    recorder = Recorder(keeps_steps=keeps_steps)
+    with stoppable() as stop:
+        for _, step, seconds in source:
+            recorder.add(step, seconds)
+            if on_step:
+                on_step(step)
+            if stop.is_asked:
+                break
+    record = recorder.record(engine.method, is_partial=stop.is_asked, has_prior=odometry_poses is not None)
     if not isinstance(engine, Slam):
         return record
     if ahead is not None:

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from curvescan import se2
+from curvescan.editing.edits import NOISE, solved
+from curvescan.editing.operations import part_of
 from curvescan.errors import InvalidArgumentError
 from curvescan.mapping.grid_editing import moved
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import DEFAULT_METHOD, find_matcher
 from curvescan.odometry.measurement import as_measurement
-from curvescan.slam.editing.edits import NOISE, solved
-from curvescan.slam.editing.operations import part_of
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.grid_map import map_of_grid
 from curvescan.slam.map import SlamMap

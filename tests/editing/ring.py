@@ -35,6 +35,6 @@ def ring(seed=0, n_closures=6):
 
 def false_closure(i=5, j=33):
     """Return an edit that says that two keyframes far apart are at one place."""
-    from curvescan.slam.editing.edits import Edit
+    from curvescan.editing.edits import Edit
 
     return Edit(do="add", i=i, j=j, pose=(0.0, 0.0, 0.0), covariance=tuple((1e-4 * np.eye(3)).ravel().tolist()))
