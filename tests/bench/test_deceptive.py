@@ -15,7 +15,7 @@ DECEIVED = ("company",)
 MOST_DECEIVED = {
     "turned away, office": 2,
     "turned away, doors": 5,
-    "small room": 1,
+    "small room": 3,
     "elevator": 1,
     "elevator, 180 deg": 1,
 }

@@ -163,10 +163,9 @@ def static_segments(surfels, bounds, partner, others, pose, limit, least):
 
 
 def confidence_terms(evidence, prior, wide_prior):
-    """What the confidence weighs of a pose by (9,) its evidence, by name."""
-    agreeing, excess, weakest, misfit, missed, seen_through, large = np.maximum(evidence[:7], 0.0)
+    """What the confidence weighs of a pose by (8,) its evidence, by name."""
+    agreeing, excess, weakest, misfit, missed, seen_through = np.maximum(evidence[:6], 0.0)
     few = max(1.0 - (excess + 0.1) / 2.0, 0.0)
-    through = np.log10(seen_through + 0.1)
     return {
         "constant": 1.0,
         "log10_excess": np.log10(excess + 0.1),
@@ -174,11 +173,9 @@ def confidence_terms(evidence, prior, wide_prior):
         "log10_weakest": np.log10(weakest + 0.1),
         "log10_misfit": np.log10(misfit + 0.1),
         "log10_missed": np.log10(missed + 0.05),
-        "log10_seen_through": through,
-        "log10_large": np.log10(large + 0.2),
+        "log10_seen_through": np.log10(seen_through / (agreeing + 0.1) + 0.1),
         "prior": prior,
         "degenerate": 0.0,
         "few": few,
         "few_prior": few * wide_prior,
-        "few_seen_through": few * (through + 1.0),
     }

@@ -24,7 +24,7 @@ from curvescan.slam.loops.audit import N_NEAR, Contradiction, contradictions, gr
 from curvescan.slam.loops.closures import SIGMAS, Closure, ClosureOutcome, closure_of, is_certain, is_loop, is_near
 from curvescan.slam.loops.overlap import foretold_overlap
 from curvescan.slam.loops.place_index import Signature
-from curvescan.slam.open_direction import placed, share_through
+from curvescan.slam.open_direction import placed
 from curvescan.slam.pose_graph.graph import is_whole
 from curvescan.types import Bools, Cov, Pose
 
@@ -221,13 +221,10 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
         guess = expected if is_certain(expected, config) else None
         result = keyframes.match(i, keyframes.prepared(j), guess)
         one, other, along = keyframes.prepared(i).scan, keyframes.prepared(j).scan, result.degenerate_direction
-        is_whole_loop, seen_through = result.ok and along is None and bool(is_loop(i, j)), 0.0
-        if is_whole_loop and result.is_guess_decisive:  # several places explain the scans: the way between is open
+        if result.is_guess_decisive and along is None and is_loop(i, j):  # several places explain them: it is open
             along = np.array([*np.linalg.eigh(result.covariance[:2, :2])[1][:, 1], 0.0])
             result = replace(result, degenerate_direction=along)
-        elif is_whole_loop:
-            seen_through = share_through(one, other, result.pose)
-        closure = closure_of(result, expected, config, seen_through=seen_through, scan=index, i=i, j=j)
+        closure = closure_of(result, expected, config, scan=index, i=i, j=j)
         if guess and closure.is_accepted and closure.is_loop and along is not None:  # neighbours in a row err alike
             place = placed(UncertainPose(closure.pose, closure.covariance), along, one, other)
             closure = replace(closure, place=place)

@@ -7,7 +7,6 @@ scan sees through what the other one sees: a wall where a door is.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
@@ -42,45 +41,34 @@ def placed(found: UncertainPose, along: Pose, reference: LaserScan, current: Las
     return UncertainPose(found.pose + 0.5 * (low + high) * along, cov)
 
 
-def share_through(reference: LaserScan, current: LaserScan, pose: Pose) -> float:
-    """Return the share of the readings of two scans that one sees through of the other; twice that if both do."""
-    n = 0.5 * (np.count_nonzero(reference.valid) + np.count_nonzero(current.valid))
-    return float(n_through(reference, current, pose[np.newaxis])[0]) / max(n, 1.0)
-
-
 def n_through(reference: LaserScan, current: LaserScan, poses: Pose) -> Ints:
     """Return (k,) how many readings of two scans the other one sees through, with the current one at (k, 3) poses."""
-    (seen, sight, noise), (other_seen, other_sight, other_noise) = _view_of(reference), _view_of(current)
-    margin = max(_APART_M, math.hypot(noise, other_noise))
-    return np.asarray(_count(other_seen, sight, poses, margin) + _count(seen, other_sight, se2.inverse(poses), margin))
+    noise = [float(np.median(np.abs(np.diff(one.ranges[one.valid], 2)))) for one in (reference, current)]  # times 1.7
+    margin = max(_APART_M, math.hypot(*noise))
+    found = _n_seen_through(current, reference, poses, margin)
+    return np.asarray(found + _n_seen_through(reference, current, se2.inverse(poses), margin))
 
 
-@lru_cache  # each keyframe is compared with many
-def _view_of(scan: LaserScan) -> tuple[Points, Floats, float]:
-    """Return (n, 2) readings, (_N_SLOTS,) how far beams see in each direction, and the noise of ranges, times 1.7."""
-    angles = se2.wrap(scan.angles)
+def _n_seen_through(seen: LaserScan, viewer: LaserScan, poses: Pose, margin: float) -> Ints:
+    angles = se2.wrap(viewer.angles)
     order = np.argsort(angles, kind="stable")
-    ranges, gap = np.where(scan.valid, scan.ranges, 0.0)[order], 2.0 * abs(scan.mean_increment)
-    noise = float(np.median(np.abs(np.diff(scan.ranges[scan.valid], 2))))
-    return scan.points[scan.valid], _sight(angles[order], ranges, gap), noise
+    ranges, gap = np.where(viewer.valid, viewer.ranges, 0.0)[order], 2.0 * abs(viewer.mean_increment)
+    return _count(seen.points[seen.valid], angles[order], ranges, gap, poses, margin)
 
 
 @kernel
-def _sight(angles: Floats, ranges: Floats, gap: float) -> Floats:
-    """Return (_N_SLOTS,) how far beams of (m,) sorted angles see, two side by side; gap: an angle that misses one."""
+def _count(points: Points, angles: Floats, ranges: Floats, gap: float, poses: Pose, margin: float) -> Ints:
+    """Return (k,) how many of the points (n, 2), moved by (k, 3) poses, lie before what two beams side by side see.
+
+    angles (m,): of the beams, sorted; ranges (m,): 0 without a reading; gap: angle between beams that have one missing.
+    """
     sight, step = np.zeros(_N_SLOTS), 2.0 * math.pi / _N_SLOTS
     for k in range(angles.size):
         low = angles[k - 1] - (2.0 * math.pi if k == 0 else 0.0)
         if angles[k] - low < gap:
             for slot in range(math.ceil(low / step - 0.5), math.ceil(angles[k] / step - 0.5)):
                 sight[slot % _N_SLOTS] = min(ranges[k - 1], ranges[k])
-    return sight
-
-
-@kernel
-def _count(points: Points, sight: Floats, poses: Pose, margin: float) -> Ints:
-    """Return (k,) how many of the points (n, 2), moved by (k, 3) poses, lie before what is in `sight`."""
-    n, step = np.zeros(len(poses), dtype=np.int64), 2.0 * math.pi / _N_SLOTS
+    n = np.zeros(len(poses), dtype=np.int64)
     for k in range(len(poses)):
         c, s = math.cos(poses[k, 2]), math.sin(poses[k, 2])
         for i in range(len(points)):

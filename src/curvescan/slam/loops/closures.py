@@ -30,9 +30,6 @@ afar err, more than they say: 0.1 to 0.2 m at 3 to 5 m on Killian."""
 _MOST_ODDS = math.log(99.0)
 """Most that one match says for itself: of matches of a confidence of 0.99 one in a hundred is wrong."""
 
-_CLEAR = 0.05
-"""Share of the readings seen through beyond which the odds go by its inverse square: seven floors, four logs."""
-
 SLIP: Cov = np.diag([ANYWHERE_M**2, ANYWHERE_M**2, 1.0])
 """(3, 3) covariance of what a way may have slipped and bent without the odometry noticing."""
 
@@ -66,7 +63,6 @@ class Closure:
     outcome: ClosureOutcome  # what became of it
     confidence: float = math.nan  # probability that the match is right; NaN of a matcher that gives none
     expectation: float = math.nan  # log odds that the graph gives a pose there against any nearby; NaN where it failed
-    seen_through: float = 0.0  # share of the readings of both scans that one sees through of the other
     place: UncertainPose | None = None  # the edge, where the scans tell where along an open way it lies: no evidence
 
     @property
@@ -92,20 +88,12 @@ def is_near(expected: UncertainPose, config: SlamConfig) -> bool:
 
 
 def closure_of(
-    result: MatchResult,
-    expected: UncertainPose,
-    config: SlamConfig,
-    *,
-    scan: int,
-    i: int,
-    j: int,
-    seen_through: float = 0.0,
+    result: MatchResult, expected: UncertainPose, config: SlamConfig, *, scan: int, i: int, j: int
 ) -> Closure:
     """Return the record of a match, and whether it alone is likely enough by where the graph expects it."""
     tried = Closure(
         scan=scan, i=i, j=j, pose=result.pose, covariance=result.covariance, score=result.score,
         distance=math.nan, outcome=ClosureOutcome.NO_MATCH, confidence=result.confidence,
-        seen_through=seen_through,
     )  # fmt: skip
     if not result.ok:
         return tried
@@ -124,10 +112,9 @@ def closure_of(
 
 
 def log_odds(closure: Closure) -> float:
-    """Return the log odds of a match by its confidence, even ones without, and by what one scan sees through."""
+    """Return the log odds of a match by its confidence; of one without, even ones."""
     p = 0.5 if math.isnan(closure.confidence) else closure.confidence
-    said = min(math.log(max(p, 1e-6) / max(1.0 - p, 1e-6)), _MOST_ODDS)
-    return said - 2.0 * math.log(max(closure.seen_through / _CLEAR, 1.0))
+    return min(math.log(max(p, 1e-6) / max(1.0 - p, 1e-6)), _MOST_ODDS)
 
 
 def difference(one: Pose, other: Pose) -> Pose:

@@ -20,7 +20,6 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     AGREEING,
     BEYOND,
     EXCESS,
-    LARGE,
     MISFIT,
     MISSED,
     N_EVIDENCE,
@@ -75,7 +74,6 @@ def test_what_is_weighed_is_that_of_the_slow_twin():
         (MISFIT, 0.8, 3.0),
         (MISSED, 0.0, 1.0),
         (SEEN_THROUGH, 0.0, 1.0),
-        (LARGE, 0.0, 2.0),
     ],
 )
 def test_each_evidence_moves_the_confidence_the_way_it_should(column, better, worse):
@@ -97,7 +95,7 @@ def test_an_open_direction_speaks_against_and_a_prior_for_a_pose():
 
 def test_the_log_odds_are_those_of_the_model():
     """As docs/design-notes/confidence.md has it, here by hand."""
-    evidence = {EXCESS: 0.9, AGREEING: 9.9, WEAKEST: 0.9, MISFIT: 0.9, MISSED: 0.05, SEEN_THROUGH: 0.9, LARGE: 0.8}
+    evidence = {EXCESS: 0.9, AGREEING: 9.9, WEAKEST: 0.9, MISFIT: 0.9, MISSED: 0.05, SEEN_THROUGH: 9.0}
     found = poses(evidence, priors=[-1.5])
     expected = {
         "constant": 1.0,
@@ -106,13 +104,11 @@ def test_the_log_odds_are_those_of_the_model():
         "log10_weakest": 0.0,
         "log10_misfit": 0.0,
         "log10_missed": -1.0,
-        "log10_seen_through": 0.0,
-        "log10_large": 0.0,
+        "log10_seen_through": 0.0,  # nine tenths of 10 m, and the 0.1
         "prior": -1.5,
         "degenerate": 0.0,
         "few": 0.5,  # of 2 m that are enough there are 0.9, and the 0.1 added to all
         "few_prior": -0.75,
-        "few_seen_through": 0.5,  # ten times the least
     }
     assert found.terms(0) == pytest.approx(expected, abs=1e-12)
     assert found.terms(0, is_degenerate=True) == pytest.approx(expected | {"degenerate": 1.0})
@@ -125,15 +121,15 @@ def test_the_log_odds_are_those_of_the_model():
     assert told["prior"] == 2.0
     assert told["few_prior"] == 0.0  # few walls are none the better for being expected
     enough = poses({**evidence, EXCESS: 3.0}, priors=[-4.0]).terms(0)
-    assert enough["few"] == enough["few_prior"] == enough["few_seen_through"] == 0.0
+    assert enough["few"] == enough["few_prior"] == 0.0
     nothing = poses({}).terms(0)
     assert nothing["log10_missed"] == pytest.approx(np.log10(0.05))
-    assert nothing["log10_large"] == pytest.approx(np.log10(0.2))
+    assert nothing["log10_seen_through"] == pytest.approx(-1.0)
     assert nothing["few"] == pytest.approx(0.95)
 
 
 def test_a_rival_is_weighed_by_what_it_has_more_than_the_best():
-    other = {**GOOD, MISFIT: 7.9, SEEN_THROUGH: 0.9, EXCESS: 0.75}
+    other = {**GOOD, MISFIT: 7.9, SEEN_THROUGH: 0.9 * 8.1, EXCESS: 0.75}
     found = poses({**GOOD, MISFIT: 0.7}, other, priors=[-1.0, -1.5])
     terms = found.rival_terms(1)
     assert terms["constant"] == 1.0

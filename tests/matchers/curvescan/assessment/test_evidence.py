@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose
 from curvescan.matchers.curvescan.assessment.evidence import (
     AGREEING,
     EXCESS,
-    LARGE,
     MISFIT,
     MISSED,
     N_EVIDENCE,
@@ -17,9 +17,8 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     SMALL,
     WEAKEST,
     gather_evidence,
-    runs_seen_through,
 )
-from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER
+from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.objects import find_objects
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, N_COLUMNS, NX, NY, RANGE, VARIANCE, X, Y
@@ -47,88 +46,6 @@ def evidence(ref, cur, *poses):
     return gather_evidence(ref, cur, np.array(poses), CONFIG.scoring.margin)[0]
 
 
-def leaning(distance):
-    """Surfels of a wall at 3 m with a stretch of 0.3 m that stands so far before it, and the rows of that."""
-    surfels = wall(3, -2, 3, 2)
-    rows = np.arange(18, 21)
-    surfels[rows, X] -= distance
-    surfels[rows, CX] -= distance
-    surfels[:, RANGE] = np.hypot(surfels[:, X], surfels[:, Y])
-    return surfels, rows
-
-
-@pytest.mark.parametrize(("distance", "is_person"), [(0.3, True), (0.15, True), (0.05, False), (-0.3, False)])
-def test_a_person_before_a_wall_is_no_wall_though_of_one_surface_with_it(distance, is_person):
-    surfels, rows = leaning(distance)
-    codes = np.full(len(surfels), INLIER, dtype=np.uint8)
-    codes[rows] = DYNAMIC
-    bounds, nothing = np.array([0, len(surfels)]), np.zeros(len(surfels), dtype=np.bool_)
-    _, length = runs_seen_through(surfels, bounds, codes, nothing)
-    assert length == pytest.approx(0.3 if is_person else 0.0)
-    # what is a small thing already is not counted twice, and a long stretch is no person
-    assert runs_seen_through(surfels, bounds, codes, ~nothing)[1] == 0.0
-    codes[10:21] = DYNAMIC
-    assert runs_seen_through(surfels, bounds, codes, nothing)[1] == 0.0
-
-
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_person_at_a_wall_that_runs_aslant_is_none_the_less_before_it(way):
-    wall_aslant = wall(2.0, -2.0 * way, 4.0, 2.0 * way)
-    normal = wall_aslant[0, [NX, NY]]
-    for distance, is_person in ((0.3, True), (0.03, False)):
-        surfels = wall_aslant.copy()
-        rows = np.arange(18, 21)
-        surfels[rows, X] += distance * normal[0]
-        surfels[rows, Y] += distance * normal[1]
-        # the wall's ranges rise along it by more than a person stands before it: only its line tells
-        surfels[:, RANGE] = 3.0
-        codes = np.full(len(surfels), INLIER, dtype=np.uint8)
-        codes[rows] = DYNAMIC
-        nothing = np.zeros(len(surfels), dtype=np.bool_)
-        _, length = runs_seen_through(surfels, np.array([0, len(surfels)]), codes, nothing)
-        assert length == pytest.approx(3 * surfels[0, LENGTH] if is_person else 0.0)
-
-
-def test_a_person_at_the_first_or_the_last_reading_stands_before_nothing_else():
-    surfels, _ = leaning(0.0)
-    nothing = np.zeros(len(surfels), dtype=np.bool_)
-    bounds = np.array([0, len(surfels)])
-    for rows in (np.arange(3), np.arange(37, 40)):
-        moved = surfels.copy()
-        moved[rows, X] -= 0.3
-        moved[:, RANGE] = np.hypot(moved[:, X], moved[:, Y])
-        moved[-1 if rows[0] == 0 else 0, RANGE] = 1.0  # the far end of the wall says nothing
-        codes = np.full(len(surfels), INLIER, dtype=np.uint8)
-        codes[rows] = DYNAMIC
-        assert runs_seen_through(moved, bounds, codes, nothing)[1] == pytest.approx(0.3)
-
-
-def test_a_piece_of_a_wall_that_goes_on_on_one_side_is_no_person():
-    corner = np.vstack([wall(3, -2, 3, 2), wall(2.6, 2, 3, 2, n=5)[::-1]])
-    codes = np.full(len(corner), INLIER, dtype=np.uint8)
-    codes[36:40] = DYNAMIC
-    nothing = np.zeros(len(corner), dtype=np.bool_)
-    assert runs_seen_through(corner, np.array([0, len(corner)]), codes, nothing)[1] == 0.0
-
-
-def test_only_long_runs_within_one_surface_are_large():
-    surfels = wall(3, -2, 3, 2)  # 0.1 m a reading
-    codes = np.full(40, INLIER, dtype=np.uint8)
-    codes[4:6] = DYNAMIC
-    codes[30:] = DYNAMIC
-    nothing = np.zeros(len(surfels), dtype=np.bool_)
-
-    def large_length(*bounds):
-        return runs_seen_through(surfels, np.array(bounds), codes, nothing)[0]
-
-    assert large_length(0, 40) == pytest.approx(1.0)
-    assert large_length(0, 35, 40) == 0.0  # a run ends with its surface
-    codes[:8] = DYNAMIC  # each run counts for itself
-    assert large_length(0, 40) == pytest.approx(1.8)
-    codes[4:6] = INLIER
-    assert large_length(0, 40) == pytest.approx(1.0)
-
-
 def test_what_may_move_is_small_and_stands_before_something():
     person, behind = wall(2, -0.2, 2, 0.2, n=8), wall(4, 0.45, 4, 2)
     surfels = np.vstack([person, behind])
@@ -152,10 +69,26 @@ def test_the_true_pose_has_all_for_it_and_others_are_contradicted():
     assert 0.4 < true[MISFIT] < 1.2  # as the noise has it: lines average it, and share it with their readings
     assert true[EXCESS] > 1.0
     assert true[WEAKEST] > 2.0
-    assert true[SEEN_THROUGH] + true[LARGE] + true[SMALL] < 0.2
+    assert true[SEEN_THROUGH] + true[SMALL] < 0.2
     assert missed[MISSED] > 1.0 > 0.05 > true[MISSED]
     assert other[AGREEING] < 0.5 * true[AGREEING]
     assert other[SEEN_THROUGH] + other[SMALL] > 1.0
+
+
+def test_a_wall_is_seen_through_where_the_other_scan_has_an_open_door_however_grazed():
+    angles = np.linspace(0.1, np.pi - 0.1, 600)
+    walls = 1.0 / np.sin(angles)
+    along = walls * np.cos(angles)
+    doors = np.where((along > 3.0) & (along < 4.0), 1.4 * walls, walls)
+    noise = np.random.default_rng(1).normal(0.0, 0.005, (2, len(angles)))
+    step = angles[1] - angles[0]
+    closed, door = (
+        features(cs.LaserScan(ranges + off, angle_min=0.1, angle_increment=step, range_max=20.0))
+        for ranges, off in zip((walls, doors), noise, strict=True)
+    )
+    (through,), (nothing,) = evidence(door, closed, np.zeros(3)), evidence(closed, closed, np.zeros(3))
+    assert through[SEEN_THROUGH] == pytest.approx(0.5, abs=0.1)  # 1 m of one scan, the mean of both
+    assert nothing[SEEN_THROUGH] < 0.02
 
 
 def test_what_is_known_of_no_noise_has_no_misfit():

@@ -21,7 +21,6 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     AGREEING,
     BEYOND,
     EXCESS,
-    LARGE,
     MISFIT,
     MISSED,
     SEEN_THROUGH,
@@ -44,26 +43,24 @@ MAX_REPETITION = 0.45
 REGULAR, PITCH = 0.33, 0.5
 
 COEFFICIENTS = {
-    "constant": -1.3,
+    "constant": -5.1,
     "log10_excess": 1.96,
     "log10_agreeing": 0.54,
     "log10_weakest": 1.21,
     "log10_misfit": -1.1,
     "log10_missed": -1.27,
-    "log10_seen_through": -1.07,
-    "log10_large": -1.37,
+    "log10_seen_through": -5.9,
     "prior": 1.0,
     "degenerate": -1.59,
     "few": 1.48,
     "few_prior": 3.0,
-    "few_seen_through": -3.32,
 }
 """Log odds of a pose against nothing in common, by its terms, fitted by bench/fit_confidence.py; the prior's is 1."""
 
 RIVAL_COEFFICIENTS = {
     "constant": -1.2,
     "log10_misfit": -1.89,
-    "log10_seen_through": -2.45,
+    "log10_seen_through": -5.3,
     "prior": 1.0,
     "repetition": 0.54,
 }
@@ -73,14 +70,13 @@ _PRIOR_OF_TWO = 0.3  # share of what the prior weighs where two poses of the sam
 _ENOUGH_EXCESS = 2.0  # metres of excess from which on a pose rests on more than two walls
 _FLOOR = 0.1  # metres, and mean square: what is added before a logarithm is taken
 # Rows of a pose's terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice.
-_COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE)
-_LEAST = (_FLOOR, _FLOOR, _FLOOR, _FLOOR, 0.5 * _FLOOR, _FLOOR, 2.0 * _FLOOR)
+_COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED)
+_LEAST = (_FLOOR, _FLOOR, _FLOOR, _FLOOR, 0.5 * _FLOOR)
 _ROW = {name: k for k, name in enumerate(COEFFICIENTS)}
 _N_TERMS = len(COEFFICIENTS)
 _WEIGHTS, _RIVAL_WEIGHTS = tuple(COEFFICIENTS.values()), tuple(RIVAL_COEFFICIENTS.values())
-_CONSTANT, _PRIOR, _SEEN_THROUGH = _ROW["constant"], _ROW["prior"], _ROW["log10_seen_through"]
-_DEGENERATE, _FEW_PRIOR = _ROW["degenerate"], _ROW["few_prior"]
-_FEW, _FEW_SEEN_THROUGH = _ROW["few"], _ROW["few_seen_through"]
+_CONSTANT, _PRIOR, _DEGENERATE = _ROW["constant"], _ROW["prior"], _ROW["degenerate"]
+_FEW, _FEW_PRIOR, _SEEN_THROUGH = _ROW["few"], _ROW["few_prior"], _ROW["log10_seen_through"]
 _COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", "prior"))
 _LITTLE = 0.5  # metres: so much more explains nothing
 _BARE_PRIOR = -0.25  # log odds of the prior below which a bare room may be turned by half: 1 m and 57 degrees
@@ -271,10 +267,11 @@ def terms_of(evidence: Floats, priors: Floats, wide_priors: Floats) -> Floats:
             terms[k, _CONSTANT + 1 + i] = math.log10(max(evidence[k, _COLUMNS[i]], 0.0) + _LEAST[i])
         # 1 where the pose rests on two walls alone, 0 from some more on
         few = max(1.0 - (max(evidence[k, EXCESS], 0.0) + _LEAST[0]) / _ENOUGH_EXCESS, 0.0)
+        share = max(evidence[k, SEEN_THROUGH], 0.0) / (max(evidence[k, AGREEING], 0.0) + _FLOOR)
+        terms[k, _SEEN_THROUGH] = math.log10(share + _FLOOR)
         terms[k, _PRIOR] = priors[k]
         terms[k, _FEW] = few
         terms[k, _FEW_PRIOR] = few * wide_priors[k]
-        terms[k, _FEW_SEEN_THROUGH] = few * (terms[k, _SEEN_THROUGH] + 1.0)
     return terms
 
 

@@ -27,24 +27,22 @@ from curvescan.matchers.curvescan.association import (
 )
 from curvescan.matchers.curvescan.config import PARALLEL
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
-from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE
-from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, RANGE, VARIANCE, X, Y, distance2
-from curvescan.types import Bools, Codes, Floats, Ints
+from curvescan.matchers.curvescan.features.range_image import reading_beside
+from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, RANGE, VARIANCE
+from curvescan.types import Codes, Floats, Ints
 
 # Columns of an evidence. Metres of surface, the mean of both scans: that agrees; of that besides the two walls, not
 # parallel, that agree most; that agrees and fixes the direction fixed least; MISFIT has no unit: mean squared distance
-# of readings that agree over their variance; parallel to the other scan's surface and beside it; seen through, and no
-# small thing; seen through, in runs longer than 0.5 m; seen through, and small things; that agrees besides those two
-# walls and the two that face them, which are all of a bare room.
-AGREEING, EXCESS, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE, SMALL, BEYOND = range(9)
+# of readings that agree over their variance; parallel to the other scan's surface and beside it; nearer than two
+# readings of the other scan side by side, so seen through, and no small thing; small things that are seen through; that
+# agrees besides those two walls and the two that face them, which are all of a bare room.
+AGREEING, EXCESS, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, SMALL, BEYOND = range(8)
 N_EVIDENCE = BEYOND + 1
 
 # Of the readings of the reference, and of those of the current scan: what each is to the other scan, a code of
 # labels.py, and the reading there that it agrees with, -1 without one.
 Compared: TypeAlias = tuple[Codes, Ints, Codes, Ints]
 
-_CLEAR = 2  # readings beside a person on a wall whose lines the person may have tilted
-_LARGE_EXTENT = 0.5  # metres: extent of a surface that is no person's
 _BESIDE = 0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
 
 
@@ -77,7 +75,7 @@ def add_evidence(
     partner: Ints,
 ) -> int:
     """Add what the readings of one scan say of a pose to `found`, and compare them; return how many have a misfit."""
-    surfels, bounds, is_small = scan.image.surfels, scan.bounds, scan.objects.is_small
+    surfels, is_small = scan.image.surfels, scan.objects.is_small
     other, is_small_other = other_scan.image, other_scan.objects.is_small
     motion = motion_of(pose, way)
     placed = project(surfels, motion, other)
@@ -85,11 +83,15 @@ def add_evidence(
     xx, xy, yy = 0.0, 0.0, 0.0
     for i in range(surfels.shape[0]):
         codes[i], partner[i] = OCCLUDED, -1
-        j, _, x, y, across, along = associate(placed, i, other)
+        j, place, x, y, across, along = associate(placed, i, other)
         if j < 0:
             continue
         length = surfels[i, LENGTH]
         limit, reach = agreeing_limits(surfels, i, other.surfels, j, margin)
+        beside = reading_beside(place, other, j)
+        nearer = min(other.surfels[j, RANGE], other.surfels[beside, RANGE]) if beside >= 0 else 0.0
+        if not is_small[i] and is_seen_through(x, y, nearer - max(limit, IN_FRONT)):
+            found[SEEN_THROUGH] += length
         is_on_line = along * along < reach * reach
         if is_on_line and abs(across) < limit:
             codes[i], partner[i] = INLIER, j
@@ -102,7 +104,7 @@ def add_evidence(
                 n_misfits += 1
         elif is_seen_through(x, y, other.surfels[j, RANGE] - 2.0 * limit - IN_FRONT):
             codes[i] = DYNAMIC
-            found[SMALL if is_small[i] else SEEN_THROUGH] += length
+            found[SMALL] += length if is_small[i] else 0.0
         elif is_on_line and abs(across) < _BESIDE and not (is_small[i] or is_small_other[j]):
             found[MISSED] += length if is_parallel(surfels, i, motion, other.surfels, j) else 0.0
     half = 0.5 * (xx - yy)
@@ -110,10 +112,6 @@ def add_evidence(
     excess, beyond = excess_lengths(surfels, codes)
     found[EXCESS] += excess
     found[BEYOND] += beyond
-    large, people = runs_seen_through(surfels, bounds, codes, is_small)
-    found[LARGE] += large
-    found[SEEN_THROUGH] -= people
-    found[SMALL] += people
     return n_misfits
 
 
@@ -123,44 +121,3 @@ def is_parallel(surfels: Floats, i: int, motion: Motion, surfels_other: Floats, 
     nx, ny = surfels[i, NX], surfels[i, NY]
     x, y = turned(nx, ny, motion) if motion.way > 0.0 else turned_back(nx, ny, motion)
     return bool(x * surfels_other[j, NX] + y * surfels_other[j, NY] > PARALLEL)
-
-
-@kernel
-def runs_seen_through(surfels: Floats, bounds: Ints, codes: Codes, is_small: Bools) -> tuple[float, float]:
-    """Return the length of surface seen through in runs longer than 0.5 m, and of shorter ones that may be people.
-
-    These stand before what is on both sides of them, metres. A person who leans on a wall is of one surface with it.
-    """
-    large, people = 0.0, 0.0
-    for k in range(bounds.size - 1):
-        run, first = 0.0, -1
-        for i in range(bounds[k], bounds[k + 1]):
-            is_in = codes[i] == DYNAMIC
-            if is_in:
-                first = i if first < 0 else first
-                run += surfels[i, LENGTH]
-            if first >= 0 and (not is_in or i == bounds[k + 1] - 1):
-                last = i if is_in else i - 1
-                if distance2(surfels, first, last) > _LARGE_EXTENT * _LARGE_EXTENT:
-                    large += run
-                elif not is_small[first]:  # all of a surface is, or none
-                    middle = (first + last) // 2
-                    stands_free = stands_before(surfels, bounds, k, middle, first, first - 1)
-                    if stands_free and stands_before(surfels, bounds, k, middle, last, last + 1):
-                        people += run
-                run, first = 0.0, -1
-    return large, people
-
-
-@kernel
-def stands_before(surfels: Floats, bounds: Ints, k: int, middle: int, edge: int, beside: int) -> bool:
-    """Return whether a run of readings of surface k stands before what is `beside` its `edge`."""
-    if beside < 0 or beside >= surfels.shape[0]:
-        return True
-    if surfels[beside, RANGE] - surfels[edge, RANGE] > STANDS_BEFORE:
-        return True
-    if beside < bounds[k] or beside >= bounds[k + 1]:
-        return False
-    wall = min(max(beside + _CLEAR * (beside - edge), bounds[k]), bounds[k + 1] - 1)
-    dx, dy = surfels[middle, X] - surfels[wall, CX], surfels[middle, Y] - surfels[wall, CY]
-    return bool(surfels[wall, NX] * dx + surfels[wall, NY] * dy > STANDS_BEFORE)
