@@ -59,7 +59,7 @@ def thin(
 
 
 def pairs_alike(poses: Pose, fragments: Ints, radius: float) -> Ints:
-    """Return (k, 2) pairs of poses of a fragment that lie so near, and look one way, in radians; the first ones rise."""
+    """Return (k, 2) pairs of poses of a fragment that lie so near, in radians too, the earlier first and rising."""
     from scipy.spatial import cKDTree  # loads for a good part of a second
 
     pairs = cKDTree(poses[:, :2]).query_pairs(radius, output_type="ndarray")
