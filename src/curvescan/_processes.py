@@ -19,10 +19,10 @@ def has_own_python() -> bool:
 
 
 def python_command(module: str, call: str) -> list[str]:
-    """Return the command of a process that imports as this one does and calls a function of a module."""
+    """Return the command of a process that imports as this one does, rarely looks for garbage, and calls a function."""
     paths = [str(Path(entry).absolute()) for entry in sys.path]
     name = call.partition("(")[0]
-    code = f"import sys; sys.path[:] = {paths}; from {module} import {name}; {call}"
+    code = f"import gc, sys; gc.set_threshold(50_000); sys.path[:] = {paths}; from {module} import {name}; {call}"
     return [sys.executable, "-c", code]
 
 

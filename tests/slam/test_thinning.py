@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial import KDTree
 
 import curvescan as cs
 from curvescan import se2
@@ -16,7 +15,7 @@ from curvescan.slam.config import PlacesConfig, SlamConfig
 from curvescan.slam.pose_graph.cholesky import Elimination
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges, marginal_covariances, optimize
-from curvescan.slam.thinning import best_tie, carry_over, newer_alike
+from curvescan.slam.thinning import best_tie, carry_over, pairs_alike
 from tests.slam.graphs import dead_reckoning, ladder, loop, measured_edges
 
 _N = 40
@@ -54,21 +53,18 @@ def test_without_a_place_seen_often_nothing_goes() -> None:
     assert slam.n_gone == 0
 
 
-def test_newer_poses_beside_one_are_those_of_its_fragment_that_stay() -> None:
+def test_poses_of_one_place_are_those_of_a_fragment_that_look_one_way() -> None:
     rng = np.random.default_rng(4)
     poses = rng.uniform(-1.5, 1.5, (120, 3)) * (1.0, 1.0, 0.5)
     poses[:, 2] = se2.wrap(poses[:, 2] + np.pi)
-    fragments, is_kept = rng.integers(0, 2, 120), rng.random(120) < 0.9
-    n_found = 0
-    beside = KDTree(poses[:, :2]).query_ball_point(poses[:, :2], 0.8, return_sorted=True)
-    for v in range(120):
-        off = poses[v + 1 :] - poses[v]
-        near = (np.hypot(off[:, 0], off[:, 1]) < 0.8) & (np.abs(se2.wrap(off[:, 2])) < 0.8)
-        near &= is_kept[v + 1 :] & (fragments[v + 1 :] == fragments[v])
-        found = newer_alike(v, beside[v], poses, fragments, is_kept, 0.8)
-        np.testing.assert_array_equal(found, v + 1 + np.flatnonzero(near))
-        n_found += len(found)
-    assert 100 < n_found < 2000
+    fragments = rng.integers(0, 2, 120)
+    off = poses - poses[:, np.newaxis]
+    near = (np.hypot(off[..., 0], off[..., 1]) < 0.8) & (np.abs(se2.wrap(off[..., 2])) < 0.8)
+    near &= fragments == fragments[:, np.newaxis]
+    pairs = pairs_alike(poses, fragments, 0.8)
+    assert (np.diff(pairs[:, 0]) >= 0).all()
+    assert set(map(tuple, pairs.tolist())) == set(zip(*np.nonzero(np.triu(near, 1)), strict=True))
+    assert 100 < len(pairs) < 2000
 
 
 def _graph(seed: int) -> tuple[PoseGraph, np.ndarray]:

@@ -113,10 +113,10 @@ def turn_between(earlier: LaserScan, later: LaserScan) -> float:
 
 def _costs(shifted: Floats, profile: Floats) -> Floats:
     """Return the mean difference of each of some profiles from one, infinite where they overlap little."""
-    change = np.abs(shifted - profile)
+    change = np.minimum(np.abs(shifted - profile), _TRUNCATED)
     seen = np.isfinite(change)
     n_seen = np.count_nonzero(seen, axis=1)
-    total = np.minimum(change, _TRUNCATED).sum(axis=1, where=seen)
+    total = np.where(seen, change, 0.0).sum(axis=1)
     return np.where(n_seen > _MIN_OVERLAP * profile.size, total / np.maximum(n_seen, 1), np.inf)
 
 

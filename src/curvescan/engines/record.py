@@ -161,4 +161,4 @@ class Recorder:
 
 def without_trace(step: Step) -> Step:
     """Return a step without what the matcher did on the way, which is larger than all the rest."""
-    return step if step.match is None else replace(step, match=replace(step.match, trace=None))
+    return step if step.match is None else replace(step, match=step.match.with_scans(None, None, trace=None))

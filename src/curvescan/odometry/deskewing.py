@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +22,7 @@ _DIGITS = 3
 """Significant digits of the period: what is less than the hysteresis must not enter when it is taken anew either."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Deskewer:
+class Deskewer(NamedTuple):
     """The clock of a stream of scans, and the velocity that a motion between two of them means.
 
     Immutable: each scan makes a new one.
@@ -37,7 +36,7 @@ class Deskewer:
         """Return the deskewer at the time of the next scan."""
         stamps = (*self.stamps, scan.stamp)[-_N_STAMPS:]
         if scan.time_increment == 0.0:
-            return replace(self, stamps=stamps)
+            return self._replace(stamps=stamps)
         period = usual_period(stamps, scan.scan_time)
         if abs(period - self.period) <= _HYSTERESIS * self.period:
             period = self.period

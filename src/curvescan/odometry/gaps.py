@@ -58,12 +58,12 @@ def settle_gap(o: Observation, placement: Placement, *, is_counted: bool = True)
         joined = Localization(
             keyframe=keyframe, pose_keyframe_scan=found.pose_keyframe_scan, is_measured=found.is_fully_observed
         )
-        placement = replace(placement, outcome=StepOutcome.RELOCALIZED, localization=joined, gap=None)
-        return with_keyframe(o, replace(placement, match=found.result, reference=keyframe.index))
+        placement = placement._replace(outcome=StepOutcome.RELOCALIZED, localization=joined, gap=None)
+        return with_keyframe(o, placement._replace(match=found.result, reference=keyframe.index))
     if not is_last:
-        return replace(placement, gap=replace(gap, n_scans=n_scans, log_odds=log_odds))
+        return placement._replace(gap=gap._replace(n_scans=n_scans, log_odds=log_odds))
     if o.prediction.is_measured or log_odds > 0.0:  # wheels or the motions since carried the track
-        return replace(placement, gap=None)
+        return placement._replace(gap=None)
     return with_keyframe(o, _lost(placement, gap))
 
 
@@ -82,14 +82,14 @@ def question_link(o: Observation, placement: Placement, last: Localization) -> P
     if not (is_near and is_doubtful and result.score < _SHARE * o.state.score):
         return None
     gap = open_gap(o, last, _log_odds(result.confidence))
-    return None if gap is None else with_keyframe(o, replace(placement, gap=gap))
+    return None if gap is None else with_keyframe(o, placement._replace(gap=gap))
 
 
 def with_keyframe(o: Observation, placement: Placement) -> Placement:
     """Return the placement with the scan as a new keyframe."""
     share = o.config.keyframes.variance_retained
     keyframe = placement.localization.as_keyframe(placement.current, o.index, share)
-    return replace(placement, localization=Localization(keyframe=keyframe, pose_keyframe_scan=identity()))
+    return placement._replace(localization=Localization(keyframe=keyframe, pose_keyframe_scan=identity()))
 
 
 def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMatch | None, float, Keyframe]:
@@ -121,8 +121,7 @@ def _lost(placement: Placement, gap: Gap) -> Placement:
     else:  # it is of the new track, and is disconnected with it
         pose, cov = keyframe.pose_map_keyframe
         keyframe = replace(keyframe, pose_map_keyframe=UncertainPose(pose, cov + LOST_COVARIANCE))
-    return replace(
-        placement,
+    return placement._replace(
         outcome=StepOutcome.LOST,
         localization=Localization(keyframe=keyframe, pose_keyframe_scan=here),
         step_motion=UncertainPose(motion.pose, motion.cov + LOST_COVARIANCE),

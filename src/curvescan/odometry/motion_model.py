@@ -8,7 +8,6 @@ Probabilistic Robotics, 2005, section 5.4).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from curvescan import se2
@@ -62,8 +61,7 @@ class Clock(NamedTuple):
         return Clock(stamp, period, n_steps), min(max(round(elapsed / usual), 1.0), _MAX_STRETCH)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Prediction:
+class Prediction(NamedTuple):
     """What is expected of a scan before it is matched."""
 
     motion: UncertainPose  # the sensor seen from where it was at the last scan
@@ -80,8 +78,7 @@ class Prediction:
         return UncertainPose(self.motion.pose, config.recovery_covariance)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class MotionModel:
+class MotionModel(NamedTuple):
     """The motion from a scan to the next: expected from the last one, or from another sensor's odometry.
 
     Immutable: each scan makes a new one.
@@ -95,7 +92,7 @@ class MotionModel:
     odometry_pose: Pose | None = None
     # (3,): the sensor at the last scan seen from where it was at that pose; None where that pose is of the last scan
     moved: Pose | None = None
-    clock: Clock = field(default_factory=Clock)  # the clock of the stream
+    clock: Clock = Clock()  # the clock of the stream
     n_failures: int = 0  # scans without a match in a row
     # variance of the other odometry's translation and turn, as multiples of what the configuration says: the mean over
     # the last steps that a match measured
@@ -131,21 +128,21 @@ class MotionModel:
 
     def advanced(self, prediction: Prediction) -> MotionModel:
         """Return the model after a scan that says nothing of the motion, the first."""
-        return replace(self, odometry_pose=prediction.odometry_pose, moved=None, clock=prediction.clock)
+        return self._replace(odometry_pose=prediction.odometry_pose, moved=None, clock=prediction.clock)
 
     def updated(self, prediction: Prediction, motion: UncertainPose, *, is_fully_observed: bool) -> MotionModel:
         """Return the model after a scan whose motion was measured."""
         model = self._changed_by(motion.pose - self.last.pose) if is_fully_observed else self._inflated()
         if is_fully_observed and prediction.is_measured:
             noise, ways = self._learned_noise(prediction, motion.pose), self._learned_ways(prediction, motion.pose)
-            model = replace(model, odometry_noise=noise, ways=ways)
+            model = model._replace(odometry_noise=noise, ways=ways)
         moved = self._moved(prediction, motion)
-        return replace(model.advanced(prediction), moved=moved, last=motion, n_failures=0)
+        return model.advanced(prediction)._replace(moved=moved, last=motion, n_failures=0)
 
     def updated_without_match(self, prediction: Prediction, motion: UncertainPose) -> MotionModel:
         """Return the model after a scan that nothing matches, and for which `motion` was taken."""
         moved, n_failures = self._moved(prediction, motion), self.n_failures + 1
-        return replace(self._inflated().advanced(prediction), moved=moved, last=motion, n_failures=n_failures)
+        return self._inflated().advanced(prediction)._replace(moved=moved, last=motion, n_failures=n_failures)
 
     def is_exhausted(self, prediction: Prediction) -> bool:
         """Return whether the last motion has been repeated so often that one more failure ends it."""
@@ -218,12 +215,12 @@ class MotionModel:
         x, y, theta = change.tolist()
         translation = self._averaged(self.variance_translation, 0.5 * (x * x + y * y))
         turn = self._averaged(self.variance_turn, wrap_angle(theta) ** 2)
-        return replace(self, variance_translation=translation, variance_turn=turn)
+        return self._replace(variance_translation=translation, variance_turn=turn)
 
     def _inflated(self) -> MotionModel:
         """Expect again, bit by bit, such turns as before any was seen: a robot starts to turn at once, not to drive."""
         wide = max(self.config.sigma_m**2, self.variance_turn)
-        return replace(self, variance_turn=self.variance_turn + (wide - self.variance_turn) / self.config.memory)
+        return self._replace(variance_turn=self.variance_turn + (wide - self.variance_turn) / self.config.memory)
 
     def _averaged(self, variance: float, square: float) -> float:
         square = min(square, self.config.motion_gate_chi2 * variance)  # one leap is not a habit

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from curvescan.matchers import MatchResult, PreparedScan
 from curvescan.odometry.config import OdometryConfig
@@ -26,8 +27,7 @@ class Keyframe:
     pose_map_keyframe: UncertainPose  # its sensor in the frame of the first scan
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Localization:
+class Localization(NamedTuple):
     """Where a scan is, relative to a keyframe."""
 
     keyframe: Keyframe  # the keyframe
@@ -56,8 +56,7 @@ class Localization:
         return Keyframe(scan=scan, index=index, pose_map_keyframe=compose(self.keyframe.pose_map_keyframe, here))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Gap:
+class Gap(NamedTuple):
     """Scans since the last one that was placed by a match with what was known before."""
 
     # the references from before the gap: the last scan, where it can be one, and the keyframe that was in use
@@ -67,8 +66,7 @@ class Gap:
     log_odds: float = 0.0  # that the sensor is still near, by the matches since
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class State:
+class State(NamedTuple):
     """All that an odometry remembers from scan to scan."""
 
     motion: MotionModel  # what is expected of the next scan
@@ -76,15 +74,14 @@ class State:
     localization: Localization | None = None  # where the last scan is; None before the first
     previous: PreparedScan | None = None  # the last scan, if it can be a reference
     older: Keyframe | None = None  # the keyframe that was in use before the one in use
-    deskewer: Deskewer = field(default_factory=Deskewer)  # the clock of the sweeps
+    deskewer: Deskewer = Deskewer()  # the clock of the sweeps
     # the first scan, until the second shows the velocity with which its sweep is deskewed
     first: LaserScan | None = None
     gap: Gap | None = None  # a failure that no match has bridged yet
     score: float = math.nan  # of the match that placed the last scan; NaN where none did
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Attempt:
+class Attempt(NamedTuple):
     """The better of the matches with the keyframe in use and with the previous scan."""
 
     last: Localization  # where the previous scan is
@@ -124,8 +121,7 @@ class Observation:
         return self.matching.prepare(self.deskewer.deskewed(self.scan, motion) if self.config.deskew else self.scan)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Placement:
+class Placement(NamedTuple):
     """Where a scan is, how that was found, and what is to be remembered of it."""
 
     outcome: StepOutcome  # how it was found
@@ -160,8 +156,8 @@ def try_references(observation: Observation, last: Localization) -> Attempt:
         return attempt
     if previous is not None and previous is not attempt.reference:
         second = matching.match(previous, current, identity(), prediction)
-        nearest = replace(attempt, gated=second, outcome=StepOutcome.CHAINED, reference=previous, origin=identity())
+        nearest = attempt._replace(gated=second, outcome=StepOutcome.CHAINED, reference=previous, origin=identity())
         attempt = nearest if second.is_better_than(attempt.gated, rules.min_score) else attempt
     if attempt.gated.is_accepted(rules.least_score) or prediction.is_measured or not matching.config.motion.is_fused:
         return attempt
-    return replace(nearest, gated=matching.match_around(nearest.reference, current, nearest.origin, prediction))
+    return nearest._replace(gated=matching.match_around(nearest.reference, current, nearest.origin, prediction))

@@ -99,14 +99,14 @@ def _extrapolate(o: Observation, attempt: Attempt) -> Placement:
     )
     # the next update of the wheels says where the sensor is, and not where it was at this scan
     if o.prediction.is_missed:
-        return replace(placement, is_reference=False)
+        return placement._replace(is_reference=False)
     if o.matching.as_reference(o.current) is None:
         return placement
     if o.state.gap is not None:
         settled = settle_gap(o, placement, is_counted=not o.prediction.is_measured)
         if settled.outcome is not placement.outcome:  # how it moves by now is not known
             still = o.state.motion.updated(o.prediction, identity(), is_fully_observed=False)
-            return replace(settled, motion=still)
+            return settled._replace(motion=still)
         placement = settled
     return with_keyframe(o, placement)  # a robot is never stuck on an old reference
 

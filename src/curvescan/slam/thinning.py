@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose, compose, inverse
@@ -46,25 +45,27 @@ def thin(
     graph: PoseGraph, fragments: Ints, n_settled: int, rules: PlacesConfig
 ) -> tuple[Bools, dict[int, tuple[int, UncertainPose]]]:
     """Take keyframes out where a place has too many; return (n,) which stay, and heir and pose of each other one."""
-    is_kept = np.ones(graph.n_poses, dtype=np.bool_)
-    gone: dict[int, tuple[int, UncertainPose]] = {}
-    beside = KDTree(graph.poses[:, :2]).query_ball_point(graph.poses[:n_settled, :2], rules.radius, return_sorted=True)
-    for v in range(1, n_settled):  # the first keyframe is the map's frame
-        if len(beside[v]) <= rules.n_keyframes:  # itself among them
-            continue
-        newer = newer_alike(v, beside[v], graph.poses, fragments, is_kept, rules.radius)
-        tie = best_tie(graph, v, newer) if len(newer) >= rules.n_keyframes else None
+    is_kept, gone = np.ones(graph.n_poses, dtype=np.bool_), dict[int, tuple[int, UncertainPose]]()
+    older, newer = pairs_alike(graph.poses, fragments, rules.radius).T
+    first = np.searchsorted(older, np.arange(n_settled + 1))
+    # the first keyframe is the map's frame
+    for v in (1 + np.flatnonzero(np.diff(first[1:]) >= rules.n_keyframes)).tolist():
+        left = np.array([u for u in newer[first[v] : first[v + 1]].tolist() if is_kept[u]])
+        tie = best_tie(graph, v, left) if len(left) >= rules.n_keyframes else None
         if tie is not None:
             gone[v] = carry_over(graph, v, tie)
             is_kept[v] = False
     return is_kept, gone
 
 
-def newer_alike(v: int, beside: list[int], poses: Pose, fragments: Ints, is_kept: Bools, radius: float) -> Ints:
-    """Return of the poses beside pose v the later ones of its fragment that are kept and look its way, in radians."""
-    newer = np.array([u for u in beside if u > v], dtype=np.int64)
-    is_alike = is_kept[newer] & (fragments[newer] == fragments[v])
-    return np.asarray(newer[is_alike & (np.abs(se2.wrap(poses[newer, 2] - poses[v, 2])) < radius)])
+def pairs_alike(poses: Pose, fragments: Ints, radius: float) -> Ints:
+    """Return (k, 2) pairs of poses of a fragment that lie so near, in radians too, the earlier first and rising."""
+    from scipy.spatial import cKDTree  # loads for a good part of a second
+
+    pairs = cKDTree(poses[:, :2]).query_pairs(radius, output_type="ndarray")
+    i, j = pairs[np.argsort(pairs[:, 0], kind="stable")].T
+    is_alike = (fragments[i] == fragments[j]) & (np.abs(se2.wrap(poses[j, 2] - poses[i, 2])) < radius)
+    return np.column_stack((i[is_alike], j[is_alike]))
 
 
 def best_tie(graph: PoseGraph, v: int, among: Ints) -> int | None:

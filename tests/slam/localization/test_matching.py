@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -63,7 +62,7 @@ def test_a_scan_is_matched_where_it_is_expected_and_nowhere_else(matching: MapMa
 
 def test_the_map_errs_as_if_edges_led_from_one_keyframe_to_the_other(matching: MapMatcher) -> None:
     here = UncertainPose(np.zeros(3), 1e-6 * np.eye(3))
-    same, near, far = (replace(_hit(0.0, (0.1, 0.1)), keyframe=k) for k in (0, 1, 12))
+    same, near, far = (_hit(0.0, (0.1, 0.1))._replace(keyframe=k) for k in (0, 1, 12))
     assert matching.seen_from(here, 0, same) is here
     assert matching.seen_from(here, -1, far) is here  # where no keyframe is known there is nothing to add
     added = [np.diagonal(matching.seen_from(here, 0, hit).cov - here.cov) for hit in (near, far)]

@@ -6,7 +6,7 @@ With a guess, from the odometry or from the search, a match is sure with keyfram
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,8 +43,7 @@ _N_FUSED, N_TRIED = 3, 12
 """Keyframes whose matches are fused, and alike ones, and places, that are tried in detail in a search."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Hit:
+class Hit(NamedTuple):
     """A match of a scan with a keyframe of the map."""
 
     keyframe: int
@@ -126,13 +125,13 @@ class MapMatcher:
         fits = [self.field.agreement(points, hit.here.pose).score for hit in hits]
         missing = [1.0 - self.misfit(hit.keyframe) - fit for hit, fit in zip(hits, fits, strict=True)]
         first = hits[int(np.argmax([SCORE * hit.score - m for hit, m in zip(hits, missing, strict=True)]))]
-        others = [replace(hit, here=self.seen_from(hit.here, first.keyframe, hit)) for hit in hits if hit is not first]
+        others = [hit._replace(here=self.seen_from(hit.here, first.keyframe, hit)) for hit in hits if hit is not first]
         return [first, *(hit for hit in others if _agree(first.here, hit))]
 
     def held(self, points: Points, place: UncertainPose, hits: list[Hit]) -> list[Hit]:
         """Return matches of one scan; what they leave open is held by the place that its walls speak for."""
         return [
-            replace(hit, here=fuse(place, hit.here)[0])
+            hit._replace(here=fuse(place, hit.here)[0])
             if self.is_open(hit.here) and self._is_held(points, place.pose, hit.here)
             else hit
             for hit in hits

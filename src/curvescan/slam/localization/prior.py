@@ -7,8 +7,7 @@ that was carried away. A far place is thus less likely by a finite factor, which
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,8 +31,7 @@ _MOST = 3.0
 """The most that views on the way say of a track, in units of agreement: motions that seem sure may err too."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Prior:
+class Prior(NamedTuple):
     """Where the sensor is, as far as it is known without the scan at hand."""
 
     here: UncertainPose

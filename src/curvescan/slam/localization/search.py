@@ -9,7 +9,6 @@ is ahead of any other, must be enough. Several must say more, as views along a c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -61,8 +60,7 @@ class Said(NamedTuple):
     by_walls: float
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Place:
+class Place(NamedTuple):
     """A pose of the sensor that the scans so far speak for."""
 
     pose: Pose  # (3,): in the map
@@ -71,8 +69,7 @@ class Place:
     prior: float = 0.0  # what was known before says of it, where the sensor is now
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Views:
+class Views(NamedTuple):
     """What the views so far say of places in a map."""
 
     found: Sequence[Place]  # the likeliest first, none the same

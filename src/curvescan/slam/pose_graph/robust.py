@@ -7,7 +7,7 @@ cost becomes so by steps from a convex one. An edge that lost its weight may win
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,7 @@ _STEEPEST = 20.0
 """Convexity at which weights are 0 or 1 but for a twentieth of the limit."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RobustOptimum:
+class RobustOptimum(NamedTuple):
     """Where robust least squares ended."""
 
     poses: Pose  # (n, 3)
