@@ -75,14 +75,13 @@ class Localizer:
     ) -> None:
         hint = "the configuration of the matcher is given as matcher="
         rules = as_config(config, SlamConfig(), hint=hint)
-        slam_map, field, self.config = with_field(opened(slam_map), rules)
-        self.map = slam_map
+        self.map, field, self.config = with_field(opened(slam_map), rules)
         self.method, self._matcher = method, matcher
         self._keyframes = Keyframes(find_matcher(method, matcher, name="matcher"))
-        for k, scan in enumerate(slam_map.scans):
-            self._keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
-        self._matching = MapMatcher(slam_map, self._keyframes, self.config, field)
-        self._search = MapSearch(field, slam_map.poses, self._keyframes)
+        for k, scan in enumerate(self.map.scans):
+            self._keyframes.add(scan, int(self.map.indices[k]), int(self.map.sessions[k]))
+        self._matching = MapMatcher(self.map, self._keyframes, self.config, field)
+        self._search = MapSearch(field, self.map.poses, self._keyframes)
         self.reset()
 
     def __repr__(self) -> str:

@@ -220,14 +220,14 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
         expected = UncertainPose(se2.between(poses[i], poses[j]), covariance + config.noise.spread)
         guess = expected if is_certain(expected, config) else None
         result = keyframes.match(i, keyframes.prepared(j), guess)
-        one, other, along = keyframes.prepared(i).scan, keyframes.prepared(j).scan, result.degenerate_direction
+        along = result.degenerate_direction
         if result.is_guess_decisive and along is None and is_loop(i, j):  # several places explain them: it is open
             along = np.array([*np.linalg.eigh(result.covariance[:2, :2])[1][:, 1], 0.0])
             result = replace(result, degenerate_direction=along)
         closure = closure_of(result, expected, config, scan=index, i=i, j=j)
         if guess and closure.is_accepted and closure.is_loop and along is not None:  # neighbours in a row err alike
-            place = placed(UncertainPose(closure.pose, closure.covariance), along, one, other)
-            closure = replace(closure, place=place)
+            views = (keyframes.prepared(k).scan for k in (i, j))
+            closure = replace(closure, place=placed(UncertainPose(closure.pose, closure.covariance), along, *views))
         found.append(closure)
     return found
 

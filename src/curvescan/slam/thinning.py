@@ -45,13 +45,14 @@ def thin(
     graph: PoseGraph, fragments: Ints, n_settled: int, rules: PlacesConfig
 ) -> tuple[Bools, dict[int, tuple[int, UncertainPose]]]:
     """Take keyframes out where a place has too many; return (n,) which stay, and heir and pose of each other one."""
-    is_kept, gone = np.ones(graph.n_poses, dtype=np.bool_), dict[int, tuple[int, UncertainPose]]()
+    is_kept = np.ones(graph.n_poses, dtype=np.bool_)
+    gone: dict[int, tuple[int, UncertainPose]] = {}
     older, newer = pairs_alike(graph.poses, fragments, rules.radius).T
     first = np.searchsorted(older, np.arange(n_settled + 1))
-    # the first keyframe is the map's frame
-    for v in (1 + np.flatnonzero(np.diff(first[1:]) >= rules.n_keyframes)).tolist():
-        left = np.array([u for u in newer[first[v] : first[v + 1]].tolist() if is_kept[u]])
-        tie = best_tie(graph, v, left) if len(left) >= rules.n_keyframes else None
+    for v in (1 + np.flatnonzero(np.diff(first[1:]) >= rules.n_keyframes)).tolist():  # the first is the map's frame
+        beside = newer[first[v] : first[v + 1]]
+        beside = beside[is_kept[beside]]
+        tie = best_tie(graph, v, beside) if len(beside) >= rules.n_keyframes else None
         if tie is not None:
             gone[v] = carry_over(graph, v, tie)
             is_kept[v] = False
