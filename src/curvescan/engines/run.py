@@ -25,7 +25,7 @@ def run_engine(
     odometry_poses: Pose | None = None,
     on_step: Callable[[Step], None] | None = None,
     ahead: OdometryProcess | None = None,
-    keeps_steps: bool = True,
+    keeps_steps: bool = False,
 ) -> RunRecord:
     """Return the record of an engine over a sequence of scans; Ctrl-C ends it and keeps the results so far, as partial.
 
