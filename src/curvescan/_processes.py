@@ -5,6 +5,8 @@ import sys
 from pathlib import Path
 from typing import BinaryIO
 
+GARBAGE_THRESHOLD = 50_000  # at 700 a twentieth of the imports, and of an odometry, goes into looking for garbage
+
 
 def n_usable_cores() -> int:
     """Return how many cores this process may use."""
@@ -21,9 +23,8 @@ def has_own_python() -> bool:
 def python_command(module: str, call: str) -> list[str]:
     """Return the command of a process that imports as this one does, rarely looks for garbage, and calls a function."""
     paths = [str(Path(entry).absolute()) for entry in sys.path]
-    name = call.partition("(")[0]
-    code = f"import gc, sys; gc.set_threshold(50_000); sys.path[:] = {paths}; from {module} import {name}; {call}"
-    return [sys.executable, "-c", code]
+    begin = f"import gc, sys; gc.set_threshold({GARBAGE_THRESHOLD}); sys.path[:] = {paths}"
+    return [sys.executable, "-c", f"{begin}; from {module} import {call.partition('(')[0]}; {call}"]
 
 
 def lock(file: BinaryIO) -> None:

@@ -8,12 +8,12 @@ import sys
 import threading
 from contextlib import suppress
 
-from curvescan._interrupts import end_commands_at_once
+from curvescan import _interrupts, _processes
 
 
 def main() -> None:
     """Run the command line and exit: 0 done, 1 bad input, 2 bad command line, 3 not to be trusted, 130, 143 signals."""
-    end_commands_at_once()
+    _interrupts.end_commands_at_once()
     status = run(sys.argv[1:])
     if threading.active_count() == 1:
         # without taking a compiler and a million objects apart, which is a tenth of a short run
@@ -26,7 +26,7 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Return the exit status of a command line; see :mod:`curvescan.cli.command_line`."""
-    gc.set_threshold(50_000)  # at 700 a twentieth of the imports goes into looking for garbage
+    gc.set_threshold(_processes.GARBAGE_THRESHOLD)
     with suppress(AttributeError, TypeError):  # M_MMAP_THRESHOLD: else glibc keeps what was freed, up to 32 MB a piece
         ctypes.CDLL(None).mallopt(-3, 1 << 20)
     # imported late: it takes a good part of a second, in which Ctrl-C may come
