@@ -18,12 +18,13 @@ _N_BEAMS = 4
 class Script:
     """True poses of scans by number, scans that match nothing, and pairs with a score and confidence of their own.
 
-    A pair of score 0 is not matched.
+    A pair of score 0 is not matched. Sudden scans match only where a prior knows a turn no better than 1 rad.
     """
 
     poses: np.ndarray = field(default_factory=lambda: np.zeros((1, 3)))
     hidden: frozenset[int] = frozenset()
     links: dict[tuple[int, int], tuple[float, float]] = field(default_factory=dict)
+    sudden: frozenset[int] = frozenset()
 
 
 class ScriptedMatcher:
@@ -41,6 +42,7 @@ class ScriptedMatcher:
     def match(self, reference, current, guess):
         score, confidence = self.config.links.get((reference, current), (0.8, 0.98))
         is_seen = score > 0.0 and not {reference, current} & self.config.hidden
+        is_seen &= current not in self.config.sudden or (guess is not None and guess.cov[2, 2] >= 1.0)
         pose = se2.between(self.config.poses[reference], self.config.poses[current])
         return cs.MatchResult(
             method=METHOD,
@@ -56,11 +58,12 @@ class ScriptedMatcher:
         )
 
 
-def run(monkeypatch, poses, hidden=(), config=None, links=None, wheels=None):
+def run(monkeypatch, poses, hidden=(), config=None, links=None, wheels=None, sudden=()):
     """Return the odometry after all scans of a script, and its steps."""
     row = f"{__name__}:ScriptedMatcher", f"{__name__}:Script"
     monkeypatch.setitem(MATCHERS, METHOD, row)
-    script = Script(poses=np.asarray(poses, dtype=float), hidden=frozenset(hidden), links=links or {})
+    poses, hidden, sudden = np.asarray(poses, dtype=float), frozenset(hidden), frozenset(sudden)
+    script = Script(poses=poses, hidden=hidden, links=links or {}, sudden=sudden)
     odometry = cs.Odometry(METHOD, config=config or cs.OdometryConfig(), matcher=script)
     scans = [
         cs.LaserScan(np.ones(_N_BEAMS), angle_min=0.0, angle_increment=0.1, stamp=float(k)) for k in range(len(poses))

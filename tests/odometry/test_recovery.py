@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from curvescan.odometry import StepOutcome
+from curvescan.odometry.measurement import Matching
 from tests.odometry.scripted import run
 
 
@@ -30,6 +31,20 @@ def test_after_a_recovery_the_old_velocity_does_not_go_on(monkeypatch):
     np.testing.assert_allclose(steps[7].pose, poses[7], atol=0.01)
     np.testing.assert_allclose(steps[8].pose, steps[7].pose, atol=1e-9)
     np.testing.assert_allclose(steps[9].pose, steps[7].pose, atol=1e-9)
+
+
+def test_what_begins_at_once_is_found_from_farther_around(monkeypatch):
+    poses = straight(9)
+    poses[6:, 2] = 0.4  # it begins to turn, from one scan to the next
+    outcomes = {}
+    for is_wide in (True, False):
+        if not is_wide:
+            monkeypatch.setattr(Matching, "match_around", Matching.match)
+        _, steps = run(monkeypatch, poses, sudden={6})
+        outcomes[is_wide] = steps[6].outcome
+        if is_wide:
+            np.testing.assert_allclose(steps[6].pose, poses[6], atol=0.01)
+    assert outcomes == {True: StepOutcome.CHAINED, False: StepOutcome.PREDICTED}
 
 
 def another_room(n, first, link, bridge):
