@@ -55,7 +55,7 @@ COEFFICIENTS = {
     "few": 1.48,
     "few_prior": 3.0,
 }
-"""Log odds of a pose against nothing in common, by its terms, fitted by bench/fit_confidence.py; the prior's is 1."""
+"""Log odds of a pose against nothing in common, by terms; docs/design-notes/confidence.md: what was fitted to what."""
 
 RIVAL_COEFFICIENTS = {
     "constant": -1.2,
