@@ -15,6 +15,7 @@ from curvescan.slam import SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import Candidate, choose_candidates, matched
 from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, difference, log_odds
+from curvescan.slam.loops.overlap import range_profile
 
 
 @pytest.fixture(scope="module")
@@ -78,15 +79,13 @@ def test_what_is_seen_from_afar_errs_more_than_it_says(result: MatchResult) -> N
 
 
 def test_opposite_views_are_candidates_up_to_six_metres_where_the_graph_knows_them(hall: cs.Log) -> None:
-    keyframes = Keyframes(find_matcher("curvescan"))
-    scan = hall[0]
-    for k in range(20):
-        keyframes.add(scan, k)
+    profiles = np.tile(range_profile(hall[0]), (20, 1, 1))
     for distance, sigma, is_chosen in ((5.0, 0.05, True), (7.0, 0.05, False), (5.0, 0.5, False)):
         relative = np.tile([30.0, 0.0, 0.0], (19, 1))
         relative[2] = distance, 0.0, np.pi
         covariances = np.tile(np.diag(np.square([sigma, sigma, 0.02])), (19, 1, 1))
-        assert (2 in choose_candidates(relative, covariances, SlamConfig(), keyframes)) is is_chosen
+        chosen = choose_candidates(19, np.arange(19), relative, covariances, SlamConfig(), profiles)
+        assert (2 in [c.i for c in chosen]) is is_chosen
 
 
 def test_of_a_matcher_without_a_confidence_the_graph_decides(result: MatchResult) -> None:

@@ -39,21 +39,24 @@ class GrowingMap:
         self.fragments: list[int] = []  # of each keyframe
         self._open_way = 0.0  # since a match of keyframes measured all of the motion, metres
         self.belief: Belief  # what the graph knew after the last optimization, once there is a keyframe
-        self._settled: Chain | None = None  # the keyframes of the belief, once they were asked for
+        self._steps: list[UncertainPose] = []  # of the graph: each keyframe seen from the one before it
+        self._chain: Chain | None = None  # see :meth:`chain`; until the poses of the belief change
 
     def load(self, slam_map: SlamMap) -> None:
         """Take a map to continue."""
         for k, scan in enumerate(slam_map.scans):
             self.keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
         self.graph = slam_map.graph()
+        self._steps = steps_of(self.graph)
         self.fragments = components(self.graph.ends, self.graph.n_poses).tolist()
 
     def start(self, scan: LaserScan, index: int, pose: Pose, session: int) -> int:
         """Begin a fragment: take a keyframe that nothing ties to those before it, and return its row."""
         k = self.keyframes.add(scan, index, session)
         self.graph.add_pose(pose)
+        self._steps.append(UncertainPose(np.zeros(3), LOST_COVARIANCE.copy()))
         self.fragments.append(max(self.fragments, default=-1) + 1)
-        self.belief, self._settled = Belief.at_start(k, self.graph.poses), None
+        self.belief, self._chain = Belief.at_start(k, self.graph.poses), None
         self.current, self.since = k, identity()
         return k
 
@@ -82,36 +85,25 @@ class GrowingMap:
                 step = fused
         self.graph.add_pose(se2.compose(self.graph.poses[before], step.pose))
         self.graph.add_edge(before, k, step.pose, step.cov, kind)
+        self._steps.append(step)
         self.current, self.since = k, compose(self.since, step)
         return k
 
     def along(self, i: int, j: int) -> UncertainPose:
         """Return keyframe j seen from an earlier one along the keyframes between them."""
         way = identity()
-        for motion in map(UncertainPose, *self._steps(i + 1, j + 1)):
-            way = compose(way, motion)
+        for step in self._steps[i + 1 : j + 1]:
+            way = compose(way, step)
         return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[j]), way.cov)
 
     def chain(self) -> Chain:
         """Return the keyframes; those since the last optimization lie along the odometry, as if no loop had closed."""
-        n = self.belief.n
-        if self._settled is None:
-            self._settled = Chain.of(self.graph.poses[:n], self._steps(0, n)[1])
-        steps, covariances = self._steps(n - 1, self.graph.n_poses)
-        poses = [self._settled.poses[-1]]
-        for step in steps[1:]:
-            poses.append(se2.compose(poses[-1], step))
-        return self._settled.extended(np.array(poses), covariances)
-
-    def _steps(self, first: int, stop: int) -> tuple[Pose, Cov]:
-        """Return some keyframes, each seen from the one before it, (n, 3) and (n, 3, 3): the steps of the graph."""
-        i, j = self.graph.ends.T
-        rows = np.flatnonzero((j >= first) & (j < stop))
-        rows = rows[(self.graph.kinds[rows] != EdgeKind.CLOSURE) & (j[rows] == i[rows] + 1)]
-        steps, covariances = np.zeros((stop - first, 3)), np.tile(LOST_COVARIANCE, (stop - first, 1, 1))
-        at = j[rows] - first
-        steps[at], covariances[at] = self.graph.measured[rows], self.graph.edge_covariances[rows]
-        return steps, covariances
+        if self._chain is None:
+            n = self.belief.n
+            self._chain = Chain(self.graph.poses[:n], np.array([step.cov for step in self._steps[:n]]))
+        for step in self._steps[len(self._chain.poses) :]:
+            self._chain.append(step)
+        return self._chain
 
     def close(self, closure: Closure) -> None:
         """Make a closure an edge, and take the newest keyframe to where it says."""
@@ -138,7 +130,7 @@ class GrowingMap:
             wanted, moved = se2.compose(poses[closure.j], se2.inverse(closure.pose)), closure.i
         shift = se2.compose(wanted, se2.inverse(poses[moved]))
         rows = np.flatnonzero(fragments == later)
-        poses[rows], self._settled = se2.compose(shift, poses[rows]), None
+        poses[rows], self._chain = se2.compose(shift, poses[rows]), None
         self.fragments = np.where(fragments == later, earlier, fragments).tolist()
 
     def adopt(self, solution: Solution) -> None:
@@ -150,7 +142,7 @@ class GrowingMap:
         self.graph.poses[:n] = solved.poses
         self.graph.poses[n:] = se2.compose(solved.poses[k], later)
         self.graph.weights[: len(solved.weights)] = solved.weights
-        self.belief, self._settled = Belief.of(k, solved.poses, covariances), None
+        self.belief, self._chain = Belief.of(k, solved.poses, covariances), None
 
     def thin(self) -> tuple[Bools, list[int]]:
         """Let the oldest keyframes of places that hold too many go; return which rows stay, and the others' numbers."""
@@ -163,9 +155,10 @@ class GrowingMap:
         if gone:
             self.graph.keep_poses(is_kept)
             self.keyframes.keep(is_kept)
+            self._steps = steps_of(self.graph)
             rows = np.flatnonzero(is_kept).tolist()
             self.fragments = [self.fragments[k] for k in rows]
-            self.belief, self._settled = belief.kept(is_kept[: belief.n]), None
+            self.belief, self._chain = belief.kept(is_kept[: belief.n]), None
             self.current = int(np.count_nonzero(is_kept[: self.current]))
         return is_kept, [numbers[v] for v in gone]
 
@@ -194,3 +187,12 @@ class GrowingMap:
             sessions=np.array([keyframe.session for keyframe in self.keyframes], dtype=np.int64),
             **self.graph.arrays(),
         )
+
+
+def steps_of(graph: PoseGraph) -> list[UncertainPose]:
+    """Return how each pose is seen from the one before it, by the steps of a graph."""
+    steps = [UncertainPose(np.zeros(3), LOST_COVARIANCE.copy()) for _ in range(graph.n_poses)]
+    for row in np.flatnonzero(~graph.is_closure & (np.diff(graph.ends)[:, 0] == 1)).tolist():
+        pose, cov = graph.measured[row], graph.edge_covariances[row]
+        steps[graph.ends[row, 1]] = UncertainPose(pose.copy(), cov.copy())
+    return steps

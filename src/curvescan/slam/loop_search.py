@@ -23,10 +23,9 @@ from curvescan.slam.loops.agreement import MOST_LOG_ODDS, best_group, log_odds_o
 from curvescan.slam.loops.audit import N_NEAR, Contradiction, contradictions, groups_against
 from curvescan.slam.loops.closures import SIGMAS, Closure, ClosureOutcome, closure_of, is_certain, is_loop, is_near
 from curvescan.slam.loops.overlap import foretold_overlap
-from curvescan.slam.loops.place_index import Signature
 from curvescan.slam.open_direction import placed
 from curvescan.slam.pose_graph.graph import is_whole
-from curvescan.types import Bools, Cov, Pose
+from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
 N_LINKED = 3
 """Preceding keyframes that a new one is matched with."""
@@ -74,10 +73,15 @@ class LoopSearch:
         for i in range(max(k - N_LINKED, 0), k - 1):
             if growing.fragments[i] == growing.fragments[k]:
                 self._queue.append(Candidate(i, k, growing.along(i, k).cov))
-        relative, covariances = growing.belief.seen_from_all(growing.graph.poses, growing.since)
-        seen = keyframes.signature(keyframes.prepared(k))
-        for i in choose_candidates(relative, covariances, self.config, keyframes, seen):
-            self._queue.append(Candidate(i, k, covariances[i]))
+        belief, poses, since = growing.belief, growing.graph.poses, growing.since
+        rows = belief.near(poses, since, _FARTHEST, SIGMAS)
+        similarity = keyframes.index.similarity(keyframes.signature(keyframes.prepared(k)), rows)
+        # what is known of a relative pose is costly: not of what lies afar and looks different
+        used = (similarity >= _MIN_SIMILARITY) | (np.hypot(*(poses[rows, :2] - poses[k, :2]).T) < _FARTHEST)
+        rows, similarity = rows[used], similarity[used]
+        self._queue += choose_candidates(
+            k, rows, *belief.seen_from(rows, poses, since), self.config, keyframes.profiles.array, similarity
+        )
 
     def work(self, index: int, n_most: int) -> list[Closure]:
         """Match so much of the queue with scan `index`, and return the closures accepted."""
@@ -88,18 +92,22 @@ class LoopSearch:
 
         Other matches of keyframes that no edge ties are forgotten: where the map is known now, they are others.
         """
+        from scipy.spatial import cKDTree  # loads for a good part of a second
+
         graph, numbers = self._map.graph, self._map.keyframes.numbers
         self._tried = {number: set() for number in numbers.tolist()}
         for one, other in numbers[graph.ends].tolist():
             self._tried[one].add(other)
             self._tried[other].add(one)
         fragments, poses, new = np.array(self._map.fragments), graph.poses, []
+        places = cKDTree(poses[:, :2])
         for k in range(1, graph.n_poses):
-            relative = se2.between(poses[:k], poses[k])
-            relative[fragments[:k] != fragments[k], 0] = np.inf
-            cov = np.broadcast_to(self.config.noise.spread, (k, 3, 3))
-            chosen = choose_candidates(relative, cov, self.config, self._map.keyframes)
-            new += [c for c in (Candidate(i, k, cov[i]) for i in chosen) if self._is_new(c)]
+            rows = np.sort(places.query_ball_point(poses[k, :2], _FARTHEST))
+            rows = rows[(rows < k) & (fragments[rows] == fragments[k])]
+            cov = np.broadcast_to(self.config.noise.spread, (len(rows), 3, 3))
+            relative = se2.between(poses[rows], poses[k])
+            chosen = choose_candidates(k, rows, relative, cov, self.config, self._map.keyframes.profiles.array)
+            new += [c for c in chosen if self._is_new(c)]
         given = self._map.keyframes, poses, self.config, index  # an optimization was last: none moves another one
         others, found = beside(matched, *given, new[1::2]), matched(*given, new[::2])
         for closure in filter(None, chain.from_iterable(zip_longest(found, others()))):
@@ -233,27 +241,30 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
 
 
 def choose_candidates(
-    relative: Pose, covariances: Cov, config: SlamConfig, keyframes: Keyframes, seen: Signature | None = None
-) -> list[int]:
+    newest: int,
+    rows: Ints,
+    relative: Pose,
+    covariances: Cov,
+    config: SlamConfig,
+    profiles: Floats,
+    similarity: Floats | None = None,
+) -> list[Candidate]:
     """Return the keyframes to match with the newest one, the most promising first.
 
-    relative (n, 3); covariances (n, 3, 3); seen: by the newest one; without it those of a known relative pose alone.
+    rows (n,) rising, relative (n, 3), covariances (n, 3, 3): of those that may lie near, and the newest one seen from
+    them; profiles: of all; similarity (n,): to the newest one; without it those of a known relative pose alone.
     """
     rules = config.closures
     sigma = np.sqrt(np.diagonal(covariances + config.noise.spread, axis1=1, axis2=2)[:, :2].max(axis=1))
     distance = np.hypot(relative[:, 0], relative[:, 1])
     is_certain = sigma < rules.certain_m
     is_near = (distance - SIGMAS * sigma < rules.reach) | (is_certain & (distance < _FARTHEST))
-    newest = len(relative)
-    is_near[max(newest - 1 - N_LINKED, 0) :] = False
+    is_near &= rows < newest - 1 - N_LINKED
     sure = np.flatnonzero(is_near & is_certain)
-    profiles = keyframes.profiles.array
-    overlap = foretold_overlap(profiles, sure, relative[sure], profiles[newest], rules.min_overlap)
+    overlap = foretold_overlap(profiles, rows[sure], relative[sure], profiles[newest], rules.min_overlap)
     sure, overlap = sure[overlap >= rules.min_overlap], overlap[overlap >= rules.min_overlap]
-    sure = sure[np.argsort(-overlap, kind="stable")][:_N_CERTAIN]
-    if seen is None:
-        return [int(i) for i in sure]
-    vague = np.flatnonzero(is_near & ~is_certain)
-    similarity = keyframes.index.similarity(seen)[vague]
-    order = np.argsort(-similarity, kind="stable")[: np.count_nonzero(similarity >= _MIN_SIMILARITY)]
-    return [*sure.tolist(), *vague[order[:_N_UNCERTAIN]].tolist()]
+    chosen = sure[np.argsort(-overlap, kind="stable")][:_N_CERTAIN].tolist()
+    if similarity is not None:
+        vague = np.flatnonzero(is_near & ~is_certain & (similarity >= _MIN_SIMILARITY))
+        chosen += vague[np.argsort(-similarity[vague], kind="stable")][:_N_UNCERTAIN].tolist()
+    return [Candidate(int(rows[n]), newest, covariances[n]) for n in chosen]

@@ -14,7 +14,7 @@ from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.closures import Closure, log_odds
-from curvescan.slam.loops.cycles import Chain, cycle_distances
+from curvescan.slam.loops.cycles import Chain, Cycles, cycle_distances
 from curvescan.types import Bools, Floats, Ints, Pose
 
 _VIEW_M = 2.0
@@ -30,7 +30,7 @@ def log_odds_of(group: list[Closure], known: list[Closure], chain: Chain, config
     """Return the log odds of closures that agree, less those of the known ones that contradict them."""
     pool = [*known, *group]
     members, others = np.arange(len(known), len(pool)), np.arange(len(known))
-    return _lead(pool, others, members, agreements(pool, chain, config, 0.0), chain, config)
+    return _lead(pool, others, members, cycles_of(pool, chain, config), 0.0)
 
 
 def best_group(pool: list[Closure], chain: Chain, config: SlamConfig) -> tuple[list[int], float]:
@@ -38,40 +38,44 @@ def best_group(pool: list[Closure], chain: Chain, config: SlamConfig) -> tuple[l
 
     The ways between closures count up to where they would guide a match.
     """
-    agrees = agreements(pool, chain, config, config.closures.certain_m)
-    last = len(pool) - 1
-    friends = np.flatnonzero(agrees[last, :last])
-    members = np.append(friends[largest_clique(agrees[np.ix_(friends, friends)])], last)
-    others = np.setdiff1d(np.arange(last), members)
-    return members.tolist(), _lead(pool, others, members, agrees, chain, config)
+    cycles, known, last = cycles_of(pool, chain, config), config.closures.certain_m, len(pool) - 1
+    before = np.arange(last)
+    friends = before[agreements(cycles, before, np.array([last]), known)[:, 0]]
+    members = np.append(friends[largest_clique(agreements(cycles, friends, friends, known))], last)
+    others = np.setdiff1d(before, members)
+    return members.tolist(), _lead(pool, others, members, cycles, known)
 
 
-def _lead(pool: list[Closure], others: Ints, members: Ints, agrees: Bools, chain: Chain, config: SlamConfig) -> float:
+def _lead(pool: list[Closure], others: Ints, members: Ints, cycles: Cycles, known: float) -> float:
     """Return the log odds of a set less those of the others that contradict most of it, however the ways may err."""
-    is_possible = agreements(pool, chain, config, np.inf)[np.ix_(others, members)]
-    others = others[is_possible.mean(axis=1) < 0.5]
-    against = others[largest_clique(agrees[np.ix_(others, others)])]
-    return _odds(pool, members, chain) - max(_odds(pool, against, chain), 0.0)
+    others = others[agreements(cycles, others, members, np.inf).mean(axis=1) < 0.5]
+    against = others[largest_clique(agreements(cycles, others, others, known))]
+    return _odds(pool, members, cycles.poses) - max(_odds(pool, against, cycles.poses), 0.0)
 
 
-def agreements(pool: list[Closure], chain: Chain, config: SlamConfig, known: float) -> Bools:
-    """Return (n, n) whether the cycle through two closures closes within its covariance.
+def cycles_of(pool: list[Closure], chain: Chain, config: SlamConfig) -> Cycles:
+    """Return what the cycles through closures are found by."""
+    ends = np.array([(c.i, c.j) for c in pool], dtype=np.int64)
+    measured, covariances = np.array([c.pose for c in pool]), np.array([c.covariance for c in pool])
+    spread = np.diagonal(config.noise.spread).copy()
+    return Cycles(ends, measured, covariances, chain.poses, chain.gathered, spread, config.keyframes.distance)
+
+
+def agreements(cycles: Cycles, rows: Ints, columns: Ints, known: float) -> Bools:
+    """Return whether the cycles through closures, each of some with each of others, close within their covariances.
 
     known: Standard deviation up to which the ways between closures count, metres.
     """
-    ends = np.array([(c.i, c.j) for c in pool], dtype=np.int64)
-    measured, covariances = np.array([c.pose for c in pool]), np.array([c.covariance for c in pool])
-    spread, step = np.diagonal(config.noise.spread).copy(), config.keyframes.distance
-    return np.asarray(cycle_distances(ends, measured, covariances, *chain, spread, step, known) < GATE)
+    return np.asarray(cycle_distances(cycles, rows, columns, known)[np.ix_(rows, columns)] < GATE)
 
 
-def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
-    """Return the log odds of a set: of its views, and of where the graph expects them."""
+def _odds(pool: list[Closure], members: Ints, poses: Pose) -> float:
+    """Return the log odds of a set: of its views, and of where the graph expects them; poses (n, 3)."""
     if not len(members):
         return 0.0
     chosen = [pool[k] for k in members.tolist()]
     said = np.array([log_odds(c) for c in chosen])
-    apart = _apart(chain.poses[np.array([(c.i, c.j) for c in chosen])])
+    apart = _apart(poses[np.array([(c.i, c.j) for c in chosen])])
     total, new = 0.0, np.full(len(chosen), _VIEW_M)  # metres from the nearest one that counted
     for k in np.argsort(-said, kind="stable").tolist():
         if new[k] > 0.0:

@@ -14,7 +14,7 @@ from curvescan import se2
 from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.pose_graph.posterior import affines, carried
-from curvescan.types import Bools, Cov, Pose
+from curvescan.types import Bools, Cov, Ints, Pose
 
 
 class Belief(NamedTuple):
@@ -52,15 +52,27 @@ class Belief(NamedTuple):
         """Return keyframe k seen from another."""
         return UncertainPose(self.relative[i], self.covariances[i])
 
-    def seen_from_all(self, poses: Pose, since: UncertainPose) -> tuple[Pose, Cov]:
-        """Return the newest of m + 1 keyframes seen from each before it, (m, 3) and (m, 3, 3); poses (m + 1, 3)."""
-        relative = se2.between(poses[:-1], poses[-1])
-        covariances = np.empty((len(relative), 3, 3))
-        covariances[: self.n] = composed_covariances(self.relative, self.covariances, since)[: len(relative)]
+    def near(self, poses: Pose, since: UncertainPose, reach: float, n_sigmas: float) -> Ints:
+        """Return the keyframes that may lie within reach of the newest by some standard deviations, and a few more.
+
+        They are before it, rising; poses (m + 1, 3): of all; reach: metres.
+        """
+        distance, n = np.hypot(*(poses[:-1, :2] - poses[-1, :2]).T), min(self.n, len(poses) - 1)
+        x, y, turn = np.sqrt(np.maximum(np.diagonal(self.covariances[:n], axis1=1, axis2=2), 0.0)).T
+        way, wide = np.hypot(since.pose[0], since.pose[1]), np.sqrt(since.cov[0, 0] + since.cov[1, 1])
+        distance[:n] -= n_sigmas * (np.hypot(x, y) + way * turn + wide)  # deviations add up at most
+        distance[n:] = -np.inf
+        return np.flatnonzero(distance < reach)
+
+    def seen_from(self, rows: Ints, poses: Pose, since: UncertainPose) -> tuple[Pose, Cov]:
+        """Return the newest of n keyframes seen from m before it, (m, 3) and (m, 3, 3); rows (m,) rising, poses (n, 3)."""
+        known = rows[: np.searchsorted(rows, self.n)]
+        covariances = np.empty((len(rows), 3, 3))
+        covariances[: len(known)] = composed_covariances(self.relative[known], self.covariances[known], since)
         # of keyframes that came since only the pose of the newest relative to the last known one is needed
         widest = float(max(since.cov[0, 0], since.cov[1, 1]))
-        covariances[self.n :] = np.diag([widest, widest, since.cov[2, 2]])
-        return relative, covariances
+        covariances[len(known) :] = np.diag([widest, widest, since.cov[2, 2]])
+        return se2.between(poses[rows], poses[-1]), covariances
 
 
 def composed_covariances(poses: Pose, covariances: Cov, then: UncertainPose) -> Cov:

@@ -10,47 +10,65 @@ from typing import NamedTuple
 
 import numpy as np
 
+from curvescan import se2
 from curvescan._jit import kernel
-from curvescan.se2.uncertain import add_sandwich, affine, composed, inverse3, wrap_angle
+from curvescan.se2.uncertain import UncertainPose, add_sandwich, affine, composed, inverse3, wrap_angle
 from curvescan.slam.pose_graph.posterior import affines, carried
+from curvescan.slam.pose_graph.rows import Rows
 from curvescan.types import Cov, Floats, Ints, Pose
 
 
-class Chain(NamedTuple):
-    """Keyframes, and the chain of motions that leads along them."""
+class Chain:
+    """Keyframes, and the chain of motions that leads along them, by (n, 3) poses and covariance of the motion to each.
 
-    poses: Pose  # (n, 3): of the keyframes
-    gathered: Cov  # (n, 3, 3): covariance that the motions have gathered by each; see :func:`gathered_covariances`
+    `poses` (n, 3): of the keyframes; `gathered` (n, 3, 3): covariance that the motions have gathered by each; see
+    :func:`gathered_covariances`.
+    """
 
-    @classmethod
-    def of(cls, poses: Pose, motions: Cov) -> Chain:
-        """Return a chain by its (n, 3) poses and (n, 3, 3) covariance of the motion to each."""
-        return cls(poses.copy(), gathered_covariances(poses, motions))
+    def __init__(self, poses: Pose, motions: Cov) -> None:
+        self._poses, self._gathered = Rows.of(poses), Rows.of(gathered_covariances(poses, motions))
 
-    def extended(self, poses: Pose, motions: Cov) -> Chain:
-        """Return a chain with more poses and motions; the first of them are those of its end."""
-        gathered = self.gathered[-1] + gathered_covariances(poses, motions)[1:]
-        return Chain(np.concatenate((self.poses, poses[1:])), np.concatenate((self.gathered, gathered)))
+    poses = property(lambda self: self._poses.array)
+    gathered = property(lambda self: self._gathered.array)
+
+    def append(self, motion: UncertainPose) -> None:
+        """Append a keyframe by its motion from the last one."""
+        last = self.poses[-1]
+        ends = np.array([last, se2.compose(last, motion.pose)])
+        self._gathered.append(self.gathered[-1] + gathered_covariances(ends, np.array([motion.cov] * 2))[1])
+        self._poses.append(ends[1])
+
+
+class Cycles(NamedTuple):
+    """Closures, and what the ways of the graph between their ends are known by."""
+
+    ends: Ints  # (n, 2): of the closures
+    measured: Pose  # (n, 3)
+    covariances: Cov  # (n, 3, 3)
+    poses: Pose  # (k, 3), of all keyframes, and
+    gathered: Cov  # (k, 3, 3), as a :class:`Chain` has them
+    spread: Floats  # (3,): variances of an edge, of which each `step` metres between two keyframes take one
+    step: float
 
 
 @kernel
-def cycle_distances(
-    ends: Ints, measured: Pose, covariances: Cov, poses: Pose, gathered: Cov, spread: Floats, step: float, known: float
-) -> Floats:
-    """Return (n, n) squared Mahalanobis distance by which the cycle through each two closures does not close.
+def cycle_distances(cycles: Cycles, rows: Ints, columns: Ints, known: float) -> Floats:
+    """Return (n, n) squared Mahalanobis distance by which the cycle through two closures does not close.
 
-    ends (n, 2), measured (n, 3), covariances (n, 3, 3): of the closures; poses (k, 3), gathered (k, 3, 3): of all
-    keyframes, see :class:`Chain`; spread (3,): variances of an edge, of which each `step` metres between two keyframes
-    take one; known: standard deviation up to which the motions of a way count, metres. One known no better is taken to
-    err as edges usually do: the next room would agree with it as well.
+    rows, columns: of each of the ones with each of the others; NaN elsewhere. known: standard deviation up to which the
+    motions of a way count, metres. One known no better is taken to err as edges usually do: the next room would agree
+    with it as well.
     """
-    n = len(ends)
-    found = np.zeros((n, n))
-    for a in range(n):
-        for b in range(a):
-            to, way = _way(poses, gathered, ends[b, 0], ends[a, 0], spread, step, known)
+    ends, measured, covariances = cycles.ends, cycles.measured, cycles.covariances
+    found = np.full((len(ends), len(ends)), np.nan)
+    for one in rows:
+        for other in columns:
+            a, b = max(one, other), min(one, other)
+            if not math.isnan(found[a, b]):
+                continue
+            to, way = _way(cycles, ends[b, 0], ends[a, 0], known)
             to, way = composed(to, way, measured[a], covariances[a])
-            back, rest = _way(poses, gathered, ends[a, 1], ends[b, 1], spread, step, known)
+            back, rest = _way(cycles, ends[a, 1], ends[b, 1], known)
             off, cov = composed(to, way, back, rest)
             for k in range(3):
                 off[k] -= measured[b, k]
@@ -58,6 +76,7 @@ def cycle_distances(
                     cov[k, m] += covariances[b, k, m]
             off[2] = wrap_angle(off[2])
             weight = inverse3(cov)
+            found[a, b] = 0.0
             for k in range(3):
                 for m in range(3):
                     found[a, b] += off[k] * weight[k, m] * off[m]
@@ -66,8 +85,9 @@ def cycle_distances(
 
 
 @kernel
-def _way(poses: Pose, gathered: Cov, a: int, b: int, spread: Floats, step: float, known: float) -> tuple[Pose, Cov]:
+def _way(cycles: Cycles, a: int, b: int, known: float) -> tuple[Pose, Cov]:
     """Return keyframe b seen from keyframe a, with the covariance of the motions between."""
+    poses, gathered = cycles.poses, cycles.gathered
     pose, cov = np.zeros(3), np.zeros((3, 3))
     if a == b:
         return pose, cov
@@ -78,9 +98,9 @@ def _way(poses: Pose, gathered: Cov, a: int, b: int, spread: Floats, step: float
     add_sandwich(affine(c, -s, s * x - c * y, c * x + s * y), passed, cov)
     if max(cov[0, 0], cov[1, 1]) > known * known:
         cov[:] = 0.0
-    n_edges = 1.0 + math.sqrt(dx * dx + dy * dy) / step
+    n_edges = 1.0 + math.sqrt(dx * dx + dy * dy) / cycles.step
     for k in range(3):
-        cov[k, k] += n_edges * spread[k]
+        cov[k, k] += n_edges * cycles.spread[k]
     return pose, cov
 
 

@@ -43,9 +43,12 @@ class PlaceIndex(Rows):
     def __init__(self) -> None:
         super().__init__((SIGNATURE_SIZE,), np.float32)
 
-    def similarity(self, other: Signature) -> Floats:
-        """Return (n,) how alike each keyframe is to a scan, in [0, 1]."""
-        return np.asarray(self.array @ other, dtype=np.float64)
+    def similarity(self, other: Signature, rows: Ints | None = None) -> Floats:
+        """Return (n,) how alike keyframes are to a scan, in [0, 1]; of all, or of some."""
+        if rows is not None and 2 * len(rows) < len(self):  # of more a copy takes longer than the product
+            return np.asarray(self.array[rows] @ other, dtype=np.float64)
+        found = np.asarray(self.array @ other, dtype=np.float64)
+        return found if rows is None else found[rows]
 
     def most_similar(self, other: Signature, n_most: int) -> Ints:
         """Return the keyframes most like a scan, the most alike first."""
