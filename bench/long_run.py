@@ -60,7 +60,7 @@ def hours(n_hours: int, n_scans: int = 250, seed: int = 0) -> Iterator[HourResul
         yield HourResult(
             n_keyframes=len(slam.keyframes),
             n_edges=len(slam.graph.ends),
-            n_gone=slam.n_gone,
+            n_gone=int(slam.keyframes.numbers[-1]) + 1 - len(slam.keyframes),
             megabytes=resident_megabytes(),
             milliseconds=_milliseconds(seconds),
             error=float(np.hypot(off[:, 0], off[:, 1]).mean()),

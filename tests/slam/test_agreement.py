@@ -20,7 +20,7 @@ N = 40
 POSES: Pose = np.column_stack((0.5 * np.arange(N), np.zeros(N), np.zeros(N)))
 """A corridor; the last keyframes are to be tied to the first ones."""
 
-CHAIN = Chain(POSES, np.tile(np.diag([2.5e-5, 2.5e-5, 4e-6]), (N, 1, 1)))
+CHAIN = Chain.of(POSES, np.tile(np.diag([2.5e-5, 2.5e-5, 4e-6]), (N, 1, 1)))
 
 ROOM = np.array([3.7, 0.0, 0.0])
 """To the next room, which looks the same."""
@@ -71,7 +71,7 @@ def _slipped(row: int, sigma_m: float) -> Chain:
     """Return the chain where the odometry does not know how far it came to a keyframe."""
     motions = np.tile(np.diag([2.5e-5, 2.5e-5, 4e-6]), (N, 1, 1))
     motions[row, 0, 0] = sigma_m**2
-    return Chain(POSES, motions)
+    return Chain.of(POSES, motions)
 
 
 def test_closures_agree_across_a_step_that_is_known_to_decimetres() -> None:

@@ -81,7 +81,7 @@ def _lead(known: list[Closure]) -> float:
     ends = np.array([(c.i, c.j) for c in known]).reshape(-1, 2)
     are_followed = np.ones(len(known), dtype=bool)
     graph = SimpleNamespace(poses=back, ends=ends, is_closure=are_followed, is_followed=are_followed)
-    chain = Chain(back, np.broadcast_to(1e-4 * np.eye(3), (40, 3, 3)))
+    chain = Chain.of(back, np.broadcast_to(1e-4 * np.eye(3), (40, 3, 3)))
     keyframes = SimpleNamespace(numbers=np.arange(40))
     growing = SimpleNamespace(graph=graph, keyframes=keyframes, chain=lambda: chain)
     search = LoopSearch(growing, CONFIG)  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, inverse
-from curvescan.slam.loops.cycles import Cycles, cycle_distances, gathered_covariances
+from curvescan.slam.loops.cycles import Chain, cycle_distances, gathered_covariances
 from curvescan.types import Cov, Pose
 
 _SPREAD = np.array([1e-4, 1e-4, 1.6e-5])
@@ -52,12 +52,12 @@ def test_it_is_that_of_composing_and_fusing_the_poses_of_the_cycle() -> None:
     motions = roots @ roots.transpose(0, 2, 1)
     gathered = gathered_covariances(poses, motions)
     for known, counted in ((np.inf, motions), (0.0, 0.0 * motions)):
-        cycles, rows = Cycles(ends, measured, covariances, poses, gathered, _SPREAD, 0.5), np.arange(n)
-        found = cycle_distances(cycles, rows, rows, known)
+        given, rows = (ends, (measured, covariances), Chain(poses, gathered)), np.arange(n)
+        found = cycle_distances(*given, (rows, rows), _SPREAD, 0.5, known)
         twin = _twin(ends, measured, covariances, poses, counted)
         np.testing.assert_allclose(found, twin, rtol=1e-6, atol=1e-12)
         # what is not asked is not known
-        some = cycle_distances(cycles, rows[:3], rows[2:5], known)
+        some = cycle_distances(*given, (rows[:3], rows[2:5]), _SPREAD, 0.5, known)
         is_asked = np.zeros((n, n), dtype=bool)
         is_asked[:3, 2:5] = is_asked[2:5, :3] = True
         np.testing.assert_array_equal(some, np.where(is_asked, found, np.nan))
@@ -69,8 +69,8 @@ def test_true_closures_agree_and_one_that_is_a_metre_off_with_none() -> None:
     measured = se2.between(poses[ends[:, 0]], poses[ends[:, 1]])
     measured[2, 0] += 1.0
     covariances = np.tile(1e-4 * np.eye(3), (4, 1, 1))
-    cycles, rows = Cycles(ends, measured, covariances, poses, np.zeros((8, 3, 3)), _SPREAD, 0.5), np.arange(4)
-    found = cycle_distances(cycles, rows, rows, 0.25)
+    chain, rows = Chain(poses, np.zeros((8, 3, 3))), np.arange(4)
+    found = cycle_distances(ends, (measured, covariances), chain, (rows, rows), _SPREAD, 0.5, 0.25)
     agrees = found < 16.0
     assert agrees[np.ix_([0, 1, 3], [0, 1, 3])].all()
     assert not agrees[2, [0, 1, 3]].any()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from curvescan.errors import require
 from curvescan.odometry.config import OdometryConfig
-from curvescan.types import Cov, UncertainPose
+from curvescan.types import Cov, Pose, UncertainPose
 
 GATE = 16.0
 """Squared Mahalanobis distance up to which two estimates may be of one pose: chi-square of 3 variables, 99.9 %."""
@@ -35,6 +36,11 @@ class KeyframesConfig:
     def __post_init__(self) -> None:
         _require_positive(self, "distance", "turn")
         _require_counts(self, "n_lost")
+
+    def is_far(self, motion: Pose, share: float = 1.0) -> bool:
+        """Return whether a motion, (3,), is as long as makes a new keyframe due, or a share of it."""
+        x, y, theta = motion.tolist()
+        return math.hypot(x, y) >= share * self.distance or abs(theta) >= share * self.turn
 
 
 @dataclass(frozen=True, kw_only=True)

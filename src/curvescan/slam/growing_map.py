@@ -100,9 +100,9 @@ class GrowingMap:
         """Return the keyframes; those since the last optimization lie along the odometry, as if no loop had closed."""
         if self._chain is None:
             n = self.belief.n
-            self._chain = Chain(self.graph.poses[:n], np.array([step.cov for step in self._steps[:n]]))
-        for step in self._steps[len(self._chain.poses) :]:
-            self._chain.append(step)
+            self._chain = Chain.of(self.graph.poses[:n], [step.cov for step in self._steps[:n]])
+        if new := self._steps[len(self._chain.poses) :]:
+            self._chain = self._chain.extended(new)
         return self._chain
 
     def close(self, closure: Closure) -> None:
@@ -144,7 +144,7 @@ class GrowingMap:
         self.graph.weights[: len(solved.weights)] = solved.weights
         self.belief, self._chain = Belief.of(k, solved.poses, covariances), None
 
-    def thin(self) -> tuple[Bools, list[int]]:
+    def thin(self) -> tuple[Bools, set[int]]:
         """Let the oldest keyframes of places that hold too many go; return which rows stay, and the others' numbers."""
         rules, belief = self.config.places, self.belief
         n_settled = min(belief.k, belief.n)
@@ -160,7 +160,7 @@ class GrowingMap:
             self.fragments = [self.fragments[k] for k in rows]
             self.belief, self._chain = belief.kept(is_kept[: belief.n]), None
             self.current = int(np.count_nonzero(is_kept[: self.current]))
-        return is_kept, [numbers[v] for v in gone]
+        return is_kept, {numbers[v] for v in gone}
 
     def current_in_map(self) -> UncertainPose:
         """Return where the newest keyframe is in the map."""
@@ -191,8 +191,8 @@ class GrowingMap:
 
 def steps_of(graph: PoseGraph) -> list[UncertainPose]:
     """Return how each pose is seen from the one before it, by the steps of a graph."""
-    steps = [UncertainPose(np.zeros(3), LOST_COVARIANCE.copy()) for _ in range(graph.n_poses)]
-    for row in np.flatnonzero(~graph.is_closure & (np.diff(graph.ends)[:, 0] == 1)).tolist():
-        pose, cov = graph.measured[row], graph.edge_covariances[row]
-        steps[graph.ends[row, 1]] = UncertainPose(pose.copy(), cov.copy())
-    return steps
+    steps, covariances = np.zeros((graph.n_poses, 3)), np.tile(LOST_COVARIANCE, (graph.n_poses, 1, 1))
+    rows = np.flatnonzero(~graph.is_closure & (np.diff(graph.ends)[:, 0] == 1))
+    at = graph.ends[rows, 1]
+    steps[at], covariances[at] = graph.measured[rows], graph.edge_covariances[rows]
+    return list(map(UncertainPose, steps, covariances))

@@ -150,7 +150,7 @@ class Localizer:
         if self._views is not None and not self._is_torn:
             views, at = self._views
             before = views, between_steps(at, step)
-            if self._is_near(before[1], 0.7):
+            if not self.config.keyframes.is_far(before[1].pose, 0.7):
                 return self._at(step, StepOutcome.SEARCHING)
         self._is_torn = False
         similar = self._matching.similar(scan)
@@ -163,7 +163,7 @@ class Localizer:
         """Follow the sensor from where it was."""
         moved = between_steps(fix.step, step)
         expected = compose(fix.here, moved)
-        if self._is_near(moved, 0.5) and not self._is_torn and self._n_missed == 0:
+        if not self.config.keyframes.is_far(moved.pose, 0.5) and not self._is_torn and self._n_missed == 0:
             return self._at(step, StepOutcome.TRACKED, expected)
         points, field = points_of(scan), self._matching.field
         # after a motion in doubt no other place may agree as well
@@ -206,11 +206,6 @@ class Localizer:
         fit, least = (matching.field.agreement(points, pose).score for pose in (here.pose, place.pose))
         is_worse = fit < max(0.0, least - worse)
         return [] if is_worse or matching.is_open(here) or not is_same(place.pose, here.pose) else hits
-
-    def _is_near(self, moved: UncertainPose, share: float) -> bool:
-        """Return whether a motion is less than a share of what makes a new keyframe due."""
-        rules, (x, y, theta) = self.config.keyframes, moved.pose.tolist()
-        return bool(np.hypot(x, y) < share * rules.distance and abs(theta) < share * rules.turn)
 
     def _take(
         self, step: Step, outcome: StepOutcome, here: UncertainPose, hits: Sequence[Hit], view: float = 0.0

@@ -19,7 +19,7 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.loops.agreement import MOST_LOG_ODDS, best_group, log_odds_of
+from curvescan.slam.loops.agreement import MOST_LOG_ODDS, best_group, lead_of
 from curvescan.slam.loops.audit import N_NEAR, Contradiction, contradictions, groups_against
 from curvescan.slam.loops.closures import SIGMAS, Closure, ClosureOutcome, closure_of, is_certain, is_loop, is_near
 from curvescan.slam.loops.overlap import foretold_overlap
@@ -64,7 +64,7 @@ class LoopSearch:
         self.is_urgent = False  # whether a loop closed that the graph did not expect: to be optimized at once
         self._map = growing
         self._queue: deque[Candidate] = deque()
-        self._tried: dict[int, set[int]] = {}  # by the number of each keyframe those of others
+        self._tried: set[tuple[int, int]] = set()  # by the numbers of the keyframes, the earlier one first
         self._pool: list[Closure] = []  # by row: those that wait, and those accepted, which speak against others
 
     def enqueue(self, k: int) -> None:
@@ -73,15 +73,13 @@ class LoopSearch:
         for i in range(max(k - N_LINKED, 0), k - 1):
             if growing.fragments[i] == growing.fragments[k]:
                 self._queue.append(Candidate(i, k, growing.along(i, k).cov))
-        belief, poses, since = growing.belief, growing.graph.poses, growing.since
-        rows = belief.near(poses, since, _FARTHEST, SIGMAS)
-        similarity = keyframes.index.similarity(keyframes.signature(keyframes.prepared(k)), rows)
+        poses, similarity = growing.graph.poses, keyframes.index.similarity(keyframes.signature(keyframes.prepared(k)))
         # what is known of a relative pose is costly: not of what lies afar and looks different
-        used = (similarity >= _MIN_SIMILARITY) | (np.hypot(*(poses[rows, :2] - poses[k, :2]).T) < _FARTHEST)
-        rows, similarity = rows[used], similarity[used]
-        self._queue += choose_candidates(
-            k, rows, *belief.seen_from(rows, poses, since), self.config, keyframes.profiles.array, similarity
-        )
+        rows = (similarity >= _MIN_SIMILARITY) | (np.hypot(*(poses[:, :2] - poses[k, :2]).T) < _FARTHEST)
+        rows = np.flatnonzero(rows[:k])
+        relative, covariances = growing.belief.seen_from(rows, poses, growing.since)
+        profiles = keyframes.profiles.array
+        self._queue += choose_candidates(k, rows, relative, covariances, self.config, profiles, similarity[rows])
 
     def work(self, index: int, n_most: int) -> list[Closure]:
         """Match so much of the queue with scan `index`, and return the closures accepted."""
@@ -95,10 +93,7 @@ class LoopSearch:
         from scipy.spatial import cKDTree  # loads for a good part of a second
 
         graph, numbers = self._map.graph, self._map.keyframes.numbers
-        self._tried = {number: set() for number in numbers.tolist()}
-        for one, other in numbers[graph.ends].tolist():
-            self._tried[one].add(other)
-            self._tried[other].add(one)
+        self._tried = set(map(tuple, np.sort(numbers[graph.ends]).tolist()))
         fragments, poses, new = np.array(self._map.fragments), graph.poses, []
         places = cKDTree(poses[:, :2])
         for k in range(1, graph.n_poses):
@@ -117,36 +112,30 @@ class LoopSearch:
 
     def audit(self) -> list[tuple[list[Closure], float]]:
         """Return groups of matches against the map, by row, and the odds of each less those of what it contradicts."""
-        growing, ways, followed = self._map, self._map.chain(), self._edges(is_followed=True)
+        growing, graph = self._map, self._map.graph
+        followed = set(map(tuple, graph.ends[graph.is_closure & graph.is_followed].tolist()))
         row_of = {number: row for row, number in enumerate(growing.keyframes.numbers.tolist())}
-        latest = {(row_of.get(c.i, -1), row_of.get(c.j, -1)): c for c in self.closures}  # of each pair
-        pairs = np.array(list(latest)).reshape(-1, 2)
-        is_tried = is_loop(*pairs.T) & (pairs >= 0).all(axis=1)
-        tried = {(i, j): replace(latest[i, j], i=i, j=j) for i, j in pairs[is_tried].tolist()}
+        latest = {(c.i, c.j): c for c in self.closures if c.i in row_of and c.j in row_of}  # of each pair
+        tried = (replace(c, i=row_of[c.i], j=row_of[c.j]) for c in latest.values())
         # views from afar are found where the graph expects them: they neither dispute it nor defend it
-        near = {pair: c for pair, c in tried.items() if is_near(UncertainPose(c.pose, c.covariance), self.config)}
-        known = [c for pair, c in near.items() if pair in followed]
+        near = [c for c in tried if c.is_loop and is_near(UncertainPose(c.pose, c.covariance), self.config)]
+        known = [c for c in near if (c.i, c.j) in followed]
         ends = np.array([(c.i, c.j) for c in known]).reshape(-1, 2)
-        refused = [c for pair, c in near.items() if pair not in followed]
         found = []
-        for group in groups_against(refused, growing.graph.poses, self.config):
+        for group in groups_against([c for c in near if (c.i, c.j) not in followed], graph.poses, self.config):
             beside = np.abs(ends[:, np.newaxis] - [(one.i, one.j) for one in group]).max(axis=2).min(axis=1) <= N_NEAR
-            against = [known[k] for k in np.flatnonzero(beside).tolist()]
-            found.append((group, log_odds_of(group, against, ways, self.config)))
+            pool = [known[k] for k in np.flatnonzero(beside).tolist()] + group
+            members = np.arange(len(pool) - len(group), len(pool))
+            found.append((group, lead_of(pool, members, growing.chain(), self.config, 0.0)))
         return found
-
-    def _edges(self, *, is_followed: bool) -> set[tuple[int, int]]:
-        """Return the ends of loop closures in the graph; is_followed: of those alone that have their weight."""
-        graph = self._map.graph
-        chosen = graph.is_closure & (graph.is_followed | (not is_followed))
-        return set(map(tuple, graph.ends[chosen].tolist()))
 
     def reopen(self, audited: list[tuple[list[Closure], float]]) -> bool:
         """Accept what contradicts the map by matches that say all they can together; return whether any of it is new.
 
         By less false ones lead as well: a map that is right would be bent for good.
         """
-        tied, least = self._edges(is_followed=False), MOST_LOG_ODDS - self.config.closures.log_odds
+        graph, least = self._map.graph, MOST_LOG_ODDS - self.config.closures.log_odds
+        tied = set(map(tuple, graph.ends[graph.is_closure].tolist()))
         new = [one for group, lead in audited if lead > least for one in group if (one.i, one.j) not in tied]
         for one in new:
             self._accept(replace(one, outcome=ClosureOutcome.AGREED))
@@ -173,10 +162,9 @@ class LoopSearch:
 
     def _is_new(self, candidate: Candidate) -> bool:
         """Return whether a candidate was not matched before, and keep that it is."""
-        one, other = (self._map.keyframes[k].number for k in candidate[:2])
-        is_new = other not in self._tried.setdefault(one, set())
-        self._tried[one].add(other)
-        self._tried.setdefault(other, set()).add(one)
+        pair = self._map.keyframes[candidate.i].number, self._map.keyframes[candidate.j].number
+        is_new = pair not in self._tried
+        self._tried.add(pair)
         return is_new
 
     def _remember(self, closure: Closure) -> None:
@@ -211,11 +199,9 @@ class LoopSearch:
         del self.closures[:-_N_LOGGED]
         return record
 
-    def renumber(self, is_kept: Bools, gone: list[int]) -> None:
+    def renumber(self, is_kept: Bools, gone: set[int]) -> None:
         """Count the keyframes anew after some went; is_kept: which rows stay; gone: numbers of the others."""
-        for one in gone:
-            for other in self._tried.pop(one, ()):
-                self._tried[other].discard(one)
+        self._tried = {pair for pair in self._tried if gone.isdisjoint(pair)}
         at = np.where(is_kept, np.cumsum(is_kept) - 1, -1).tolist()
         self._queue = deque(Candidate(at[c.i], at[c.j], c.covariance) for c in self._queue if at[c.i] >= 0)
         self._pool = [replace(c, i=at[c.i], j=at[c.j]) for c in self._pool if at[c.i] >= 0 and at[c.j] >= 0]

@@ -7,7 +7,6 @@ later: the number of scans, not the clock, says when, so that the same input giv
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 from collections.abc import Mapping
@@ -136,8 +135,10 @@ class Slam:
             seen = between_steps(self._origin, step)
             if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
                 seen = self._begin_fragment(scan, step, se2.compose(self._map.current_in_map().pose, seen.pose))
-            elif self._is_due(seen) and (step.is_driven or not step.is_unsettled):
-                seen = self._make_keyframe(scan, step, seen)
+            elif step.is_driven or not step.is_unsettled:
+                is_vague = seen.cov[0, 0] + seen.cov[1, 1] >= _VAGUE**2
+                if is_vague or self.config.keyframes.is_far(seen.pose):
+                    seen = self._make_keyframe(scan, step, seen)
         self._n_scans += 1
         self._n_unsettled = self._n_unsettled + 1 if step.is_unsettled else 0
         self._records.add(step.stamp, seen)
@@ -153,12 +154,6 @@ class Slam:
             keyframe=self.keyframes[self._map.current].number,
             fragment=self._map.fragments[self._map.current],
         )
-
-    def _is_due(self, seen: UncertainPose) -> bool:
-        rules, (x, y, theta) = self.config.keyframes, seen.pose.tolist()
-        if math.hypot(x, y) >= rules.distance or abs(theta) >= rules.turn:
-            return True
-        return float(seen.cov[0, 0] + seen.cov[1, 1]) >= _VAGUE**2
 
     def _make_keyframe(self, scan: LaserScan, step: Step, seen: UncertainPose) -> UncertainPose:
         if self.config.odometry.deskew:
@@ -253,11 +248,6 @@ class Slam:
     def n_fragments(self) -> int:
         """Parts of the map that nothing joins: more than one where a sensor that was lost has not been found again."""
         return len(set(self._map.fragments))
-
-    @property
-    def n_gone(self) -> int:
-        """Keyframes that went, as their places held too many."""
-        return len(self._map.gone)
 
     def count_matches(self) -> tuple[int, int]:
         """Return how many loop closures the graph follows, and how many matches of other neighbours."""

@@ -14,7 +14,7 @@ from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.closures import Closure, log_odds
-from curvescan.slam.loops.cycles import Chain, Cycles, cycle_distances
+from curvescan.slam.loops.cycles import Chain, cycle_distances
 from curvescan.types import Bools, Floats, Ints, Pose
 
 _VIEW_M = 2.0
@@ -26,56 +26,45 @@ MOST_LOG_ODDS = 14.0
 _MOST_BRANCHES = 20_000
 
 
-def log_odds_of(group: list[Closure], known: list[Closure], chain: Chain, config: SlamConfig) -> float:
-    """Return the log odds of closures that agree, less those of the known ones that contradict them."""
-    pool = [*known, *group]
-    members, others = np.arange(len(known), len(pool)), np.arange(len(known))
-    return _lead(pool, others, members, cycles_of(pool, chain, config), 0.0)
-
-
 def best_group(pool: list[Closure], chain: Chain, config: SlamConfig) -> tuple[list[int], float]:
     """Return the set that the last closure of a pool belongs to, and its log odds less those of what contradicts it.
 
     The ways between closures count up to where they would guide a match.
     """
-    cycles, known, last = cycles_of(pool, chain, config), config.closures.certain_m, len(pool) - 1
+    known, last = config.closures.certain_m, len(pool) - 1
     before = np.arange(last)
-    friends = before[agreements(cycles, before, np.array([last]), known)[:, 0]]
-    members = np.append(friends[largest_clique(agreements(cycles, friends, friends, known))], last)
-    others = np.setdiff1d(before, members)
-    return members.tolist(), _lead(pool, others, members, cycles, known)
+    friends = before[agreements(pool, before, np.array([last]), chain, config, known)[:, 0]]
+    members = np.append(friends[largest_clique(agreements(pool, friends, friends, chain, config, known))], last)
+    return members.tolist(), lead_of(pool, members, chain, config, known)
 
 
-def _lead(pool: list[Closure], others: Ints, members: Ints, cycles: Cycles, known: float) -> float:
+def lead_of(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig, known: float) -> float:
     """Return the log odds of a set less those of the others that contradict most of it, however the ways may err."""
-    others = others[agreements(cycles, others, members, np.inf).mean(axis=1) < 0.5]
-    against = others[largest_clique(agreements(cycles, others, others, known))]
-    return _odds(pool, members, cycles.poses) - max(_odds(pool, against, cycles.poses), 0.0)
+    others = np.setdiff1d(np.arange(len(pool)), members)
+    others = others[agreements(pool, others, members, chain, config, np.inf).mean(axis=1) < 0.5]
+    against = others[largest_clique(agreements(pool, others, others, chain, config, known))]
+    return _odds(pool, members, chain) - max(_odds(pool, against, chain), 0.0)
 
 
-def cycles_of(pool: list[Closure], chain: Chain, config: SlamConfig) -> Cycles:
-    """Return what the cycles through closures are found by."""
-    ends = np.array([(c.i, c.j) for c in pool], dtype=np.int64)
-    measured, covariances = np.array([c.pose for c in pool]), np.array([c.covariance for c in pool])
-    spread = np.diagonal(config.noise.spread).copy()
-    return Cycles(ends, measured, covariances, chain.poses, chain.gathered, spread, config.keyframes.distance)
-
-
-def agreements(cycles: Cycles, rows: Ints, columns: Ints, known: float) -> Bools:
+def agreements(pool: list[Closure], rows: Ints, columns: Ints, chain: Chain, config: SlamConfig, known: float) -> Bools:
     """Return whether the cycles through closures, each of some with each of others, close within their covariances.
 
     known: Standard deviation up to which the ways between closures count, metres.
     """
-    return np.asarray(cycle_distances(cycles, rows, columns, known)[np.ix_(rows, columns)] < GATE)
+    ends = np.array([(c.i, c.j) for c in pool], dtype=np.int64)
+    edges = np.array([c.pose for c in pool]), np.array([c.covariance for c in pool])
+    spread, step = np.diagonal(config.noise.spread).copy(), config.keyframes.distance
+    distances = cycle_distances(ends, edges, chain, (rows, columns), spread, step, known)
+    return np.asarray(distances[np.ix_(rows, columns)] < GATE)
 
 
-def _odds(pool: list[Closure], members: Ints, poses: Pose) -> float:
-    """Return the log odds of a set: of its views, and of where the graph expects them; poses (n, 3)."""
+def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
+    """Return the log odds of a set: of its views, and of where the graph expects them."""
     if not len(members):
         return 0.0
     chosen = [pool[k] for k in members.tolist()]
     said = np.array([log_odds(c) for c in chosen])
-    apart = _apart(poses[np.array([(c.i, c.j) for c in chosen])])
+    apart = _apart(chain.poses[np.array([(c.i, c.j) for c in chosen])])
     total, new = 0.0, np.full(len(chosen), _VIEW_M)  # metres from the nearest one that counted
     for k in np.argsort(-said, kind="stable").tolist():
         if new[k] > 0.0:

@@ -12,7 +12,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.loops.agreement import agreements, cycles_of, largest_clique
+from curvescan.slam.loops.agreement import agreements, largest_clique
 from curvescan.slam.loops.closures import Closure, difference, expectation_of
 from curvescan.slam.loops.cycles import Chain
 from curvescan.types import Floats, Ints, Pose
@@ -67,12 +67,12 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
     """
     sure = (_held_against(c, poses, config) for c in tried if c.confidence >= _SURE)
     rest = sorted((c for c in sure if c is not None), key=lambda c: (c.j, c.i))
-    chain = Chain(poses, np.zeros((len(poses), 3, 3)))
+    chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
     found: list[list[Closure]] = []
     while rest:
         near = [c for c in rest if abs(c.j - rest[0].j) <= N_NEAR and abs(c.i - rest[0].i) <= N_NEAR]
         rows = np.arange(len(near))
-        members = set(largest_clique(agreements(cycles_of(near, chain, config), rows, rows, 0.0)).tolist())
+        members = set(largest_clique(agreements(near, rows, rows, chain, config, 0.0)).tolist())
         group = [c for k, c in enumerate(near) if k in members]
         if rest[0] not in group:
             group = rest[:1]

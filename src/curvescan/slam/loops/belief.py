@@ -52,20 +52,8 @@ class Belief(NamedTuple):
         """Return keyframe k seen from another."""
         return UncertainPose(self.relative[i], self.covariances[i])
 
-    def near(self, poses: Pose, since: UncertainPose, reach: float, n_sigmas: float) -> Ints:
-        """Return the keyframes that may lie within reach of the newest by some standard deviations, and a few more.
-
-        They are before it, rising; poses (m + 1, 3): of all; reach: metres.
-        """
-        distance, n = np.hypot(*(poses[:-1, :2] - poses[-1, :2]).T), min(self.n, len(poses) - 1)
-        x, y, turn = np.sqrt(np.maximum(np.diagonal(self.covariances[:n], axis1=1, axis2=2), 0.0)).T
-        way, wide = np.hypot(since.pose[0], since.pose[1]), np.sqrt(since.cov[0, 0] + since.cov[1, 1])
-        distance[:n] -= n_sigmas * (np.hypot(x, y) + way * turn + wide)  # deviations add up at most
-        distance[n:] = -np.inf
-        return np.flatnonzero(distance < reach)
-
     def seen_from(self, rows: Ints, poses: Pose, since: UncertainPose) -> tuple[Pose, Cov]:
-        """Return the newest of n keyframes seen from m before it, (m, 3) and (m, 3, 3); rows (m,) rising, poses (n, 3)."""
+        """Return the newest of n keyframes seen from m others, (m, 3) and (m, 3, 3); rows (m,) rising, poses (n, 3)."""
         known = rows[: np.searchsorted(rows, self.n)]
         covariances = np.empty((len(rows), 3, 3))
         covariances[: len(known)] = composed_covariances(self.relative[known], self.covariances[known], since)

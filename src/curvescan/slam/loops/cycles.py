@@ -9,66 +9,63 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.se2.uncertain import UncertainPose, add_sandwich, affine, composed, inverse3, wrap_angle
 from curvescan.slam.pose_graph.posterior import affines, carried
-from curvescan.slam.pose_graph.rows import Rows
 from curvescan.types import Cov, Floats, Ints, Pose
 
 
-class Chain:
-    """Keyframes, and the chain of motions that leads along them, by (n, 3) poses and covariance of the motion to each.
+class Chain(NamedTuple):
+    """Keyframes, and the chain of motions that leads along them."""
 
-    `poses` (n, 3): of the keyframes; `gathered` (n, 3, 3): covariance that the motions have gathered by each; see
-    :func:`gathered_covariances`.
-    """
+    poses: Pose  # (n, 3): of the keyframes
+    gathered: Cov  # (n, 3, 3): covariance that the motions have gathered by each; see :func:`gathered_covariances`
 
-    def __init__(self, poses: Pose, motions: Cov) -> None:
-        self._poses, self._gathered = Rows.of(poses), Rows.of(gathered_covariances(poses, motions))
+    @classmethod
+    def of(cls, poses: Pose, motions: ArrayLike) -> Chain:
+        """Return a chain by its (n, 3) poses and (n, 3, 3) covariance of the motion to each."""
+        return cls(poses.copy(), gathered_covariances(poses, np.asarray(motions)))
 
-    poses = property(lambda self: self._poses.array)
-    gathered = property(lambda self: self._gathered.array)
-
-    def append(self, motion: UncertainPose) -> None:
-        """Append a keyframe by its motion from the last one."""
-        last = self.poses[-1]
-        ends = np.array([last, se2.compose(last, motion.pose)])
-        self._gathered.append(self.gathered[-1] + gathered_covariances(ends, np.array([motion.cov] * 2))[1])
-        self._poses.append(ends[1])
-
-
-class Cycles(NamedTuple):
-    """Closures, and what the ways of the graph between their ends are known by."""
-
-    ends: Ints  # (n, 2): of the closures
-    measured: Pose  # (n, 3)
-    covariances: Cov  # (n, 3, 3)
-    poses: Pose  # (k, 3), of all keyframes, and
-    gathered: Cov  # (k, 3, 3), as a :class:`Chain` has them
-    spread: Floats  # (3,): variances of an edge, of which each `step` metres between two keyframes take one
-    step: float
+    def extended(self, motions: list[UncertainPose]) -> Chain:
+        """Return a chain with more motions at its end."""
+        poses = [self.poses[-1]]
+        for motion in motions:
+            poses.append(se2.compose(poses[-1], motion.pose))
+        more = Chain.of(np.array(poses), [motions[0].cov, *(motion.cov for motion in motions)])
+        gathered = np.concatenate((self.gathered, self.gathered[-1] + more.gathered[1:]))
+        return Chain(np.concatenate((self.poses, more.poses[1:])), gathered)
 
 
 @kernel
-def cycle_distances(cycles: Cycles, rows: Ints, columns: Ints, known: float) -> Floats:
+def cycle_distances(
+    ends: Ints,
+    edges: tuple[Pose, Cov],
+    chain: Chain,
+    pairs: tuple[Ints, Ints],
+    spread: Floats,
+    step: float,
+    known: float,
+) -> Floats:
     """Return (n, n) squared Mahalanobis distance by which the cycle through two closures does not close.
 
-    rows, columns: of each of the ones with each of the others; NaN elsewhere. known: standard deviation up to which the
-    motions of a way count, metres. One known no better is taken to err as edges usually do: the next room would agree
-    with it as well.
+    ends (n, 2), edges: measured (n, 3) and covariances (n, 3, 3) of the closures; pairs: each of some with each of
+    others, NaN elsewhere; spread (3,): variances of an edge, of which each `step` metres between two keyframes take
+    one; known: standard deviation up to which the motions of a way count, metres. One known no better is taken to err
+    as edges usually do: the next room would agree with it as well.
     """
-    ends, measured, covariances = cycles.ends, cycles.measured, cycles.covariances
+    measured, covariances = edges
     found = np.full((len(ends), len(ends)), np.nan)
-    for one in rows:
-        for other in columns:
+    for one in pairs[0]:
+        for other in pairs[1]:
             a, b = max(one, other), min(one, other)
             if not math.isnan(found[a, b]):
                 continue
-            to, way = _way(cycles, ends[b, 0], ends[a, 0], known)
+            to, way = _way(chain, ends[b, 0], ends[a, 0], spread, step, known)
             to, way = composed(to, way, measured[a], covariances[a])
-            back, rest = _way(cycles, ends[a, 1], ends[b, 1], known)
+            back, rest = _way(chain, ends[a, 1], ends[b, 1], spread, step, known)
             off, cov = composed(to, way, back, rest)
             for k in range(3):
                 off[k] -= measured[b, k]
@@ -85,9 +82,9 @@ def cycle_distances(cycles: Cycles, rows: Ints, columns: Ints, known: float) -> 
 
 
 @kernel
-def _way(cycles: Cycles, a: int, b: int, known: float) -> tuple[Pose, Cov]:
+def _way(chain: Chain, a: int, b: int, spread: Floats, step: float, known: float) -> tuple[Pose, Cov]:
     """Return keyframe b seen from keyframe a, with the covariance of the motions between."""
-    poses, gathered = cycles.poses, cycles.gathered
+    poses, gathered = chain
     pose, cov = np.zeros(3), np.zeros((3, 3))
     if a == b:
         return pose, cov
@@ -98,9 +95,9 @@ def _way(cycles: Cycles, a: int, b: int, known: float) -> tuple[Pose, Cov]:
     add_sandwich(affine(c, -s, s * x - c * y, c * x + s * y), passed, cov)
     if max(cov[0, 0], cov[1, 1]) > known * known:
         cov[:] = 0.0
-    n_edges = 1.0 + math.sqrt(dx * dx + dy * dy) / cycles.step
+    n_edges = 1.0 + math.sqrt(dx * dx + dy * dy) / step
     for k in range(3):
-        cov[k, k] += n_edges * cycles.spread[k]
+        cov[k, k] += n_edges * spread[k]
     return pose, cov
 
 

@@ -43,19 +43,13 @@ class PlaceIndex(Rows):
     def __init__(self) -> None:
         super().__init__((SIGNATURE_SIZE,), np.float32)
 
-    def similarity(self, other: Signature, rows: Ints | None = None) -> Floats:
-        """Return (n,) how alike keyframes are to a scan, in [0, 1]; of all, or of some."""
-        if rows is not None and 2 * len(rows) < len(self):  # of more a copy takes longer than the product
-            return np.asarray(self.array[rows] @ other, dtype=np.float64)
-        found = np.asarray(self.array @ other, dtype=np.float64)
-        return found if rows is None else found[rows]
+    def similarity(self, other: Signature) -> Floats:
+        """Return (n,) how alike each keyframe is to a scan, in [0, 1]."""
+        return np.asarray(self.array @ other, dtype=np.float64)
 
     def most_similar(self, other: Signature, n_most: int) -> Ints:
         """Return the keyframes most like a scan, the most alike first."""
-        similarity = self.similarity(other)
-        n_most = min(n_most, len(similarity))
-        top = np.argpartition(-similarity, n_most - 1)[:n_most] if n_most else np.empty(0, int)
-        return top[np.argsort(-similarity[top], kind="stable")].astype(np.int64)
+        return np.argsort(-self.similarity(other), kind="stable")[:n_most].astype(np.int64)
 
 
 @kernel

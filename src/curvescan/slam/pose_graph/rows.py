@@ -17,13 +17,6 @@ class Rows:
         self._room: NDArray[Any] = np.empty((16, *shape), dtype)
         self._n = 0
 
-    @classmethod
-    def of(cls, rows: NDArray[Any]) -> Rows:
-        """Return rows that begin with a copy of some."""
-        found = cls()
-        found._room, found._n = rows.copy(), len(rows)
-        return found
-
     def __len__(self) -> int:
         return self._n
 
@@ -35,7 +28,7 @@ class Rows:
     def append(self, row: Any) -> None:
         """Append a row; of a structured type a tuple of its fields."""
         if self._n == len(self._room):
-            self._room = np.concatenate((self._room, np.empty_like(self._room[: self._n // 2 + 1])))
+            self._room = np.concatenate((self._room, np.empty_like(self._room[: self._n // 2])))
         self._room[self._n] = row
         self._n += 1
 
