@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from curvescan import se2
-from curvescan.slam.jobs import optimized
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges
-from curvescan.slam.pose_graph.robust import optimize_robustly, tls_weights
+from curvescan.slam.pose_graph.robust import optimize_robustly, optimized, tls_weights
 from tests.slam.graphs import SIGMAS, dead_reckoning, ladder, loop, measured_edges
 
 

@@ -25,10 +25,10 @@ from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import MatchResult, match
 from curvescan.odometry.measurement import as_measurement
 from curvescan.slam.config import GATE, NoiseConfig
-from curvescan.slam.jobs import optimized
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.posterior import covariances_seen_from
+from curvescan.slam.pose_graph.robust import optimized
 from curvescan.types import Cov, Pose
 
 _VERSION = 1

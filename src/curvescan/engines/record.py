@@ -117,9 +117,9 @@ class Recorder:
         match = step.match
         self._seconds.append(seconds)
         self._stamps.append(step.stamp)
-        self._poses.extend(step.pose)
-        self._odom.extend(step.pose_odom)
-        self._covariances.extend(step.covariance.ravel())
+        self._poses.extend(step.pose.tolist())
+        self._odom.extend(step.pose_odom.tolist())
+        self._covariances.extend(step.covariance.ravel().tolist())
         self._n_matched.append(match.n_matched if match else 0)
         self._is_degenerate.append(match is not None and match.degenerate_direction is not None)
         if match and not step.is_matched:

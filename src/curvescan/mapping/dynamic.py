@@ -106,5 +106,5 @@ def _is_passed(
 @lru_cache(maxsize=2 * max(LAGS))  # a scan is the earlier one of three
 def _reach(scan: LaserScan) -> Floats:
     """Return (n_beams,) how far each beam is known to have met nothing; 0 where that is not known."""
-    free_to_the_end = np.isposinf(scan.ranges) & np.isfinite(scan.range_max)
+    free_to_the_end = (scan.ranges == math.inf) & math.isfinite(scan.range_max)
     return np.where(scan.valid, scan.ranges, np.where(free_to_the_end, scan.range_max, 0.0))

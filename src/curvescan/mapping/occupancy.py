@@ -159,7 +159,7 @@ class OccupancyBuilder:
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
             return
         sees_free = self.config.clear_no_return and math.isfinite(scan.range_max)
-        is_fully_observed = np.isposinf(scan.ranges) & sees_free
+        is_fully_observed = (scan.ranges == math.inf) & sees_free
         used = np.flatnonzero(scan.valid | is_fully_observed)
         reach = np.where(scan.valid, scan.ranges, scan.range_max)[used]
         is_hit = (scan.valid if ignored is None else scan.valid & ~ignored)[used]

@@ -44,8 +44,8 @@ class OccupiedCells:
     def centres(self) -> Points:
         """Return the (k, 2) centres of the cells, metres, without repeats, sorted by x and y."""
         self._merge()
-        columns, rows = np.divmod(self._cells, 2 * _HALF)
-        return (np.column_stack([columns, rows - _HALF]) + 0.5) * self._cell
+        cells, to_centre = np.column_stack(np.divmod(self._cells, 2 * _HALF)), np.array([0.5, 0.5 - _HALF])
+        return np.asarray((cells + to_centre) * self._cell)
 
     def _merge(self) -> None:
         if not self._waiting:

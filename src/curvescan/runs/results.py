@@ -57,14 +57,14 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     title += f" (partial: interrupted, {len(run.log):,} scans in all)" * record.is_partial
     graph = engine.map if isinstance(engine, Slam) else None
     beside: Beside = partial if helper is None else helper.call_after
-    drawn, wheels = [], run.scans.odometry
-    if wheels is not None and (known := np.flatnonzero(np.isfinite(wheels.poses[:n, 0]))).size:
+    if (wheels := run.scans.odometry) is not None and (known := np.flatnonzero(np.isfinite(wheels.poses[:n, 0]))).size:
         poses = se2.between(wheels.poses[known[0]], wheels.poses[:n])
-        cells, about = occupied_cells(run.scans, poses), f"{run.scans.name}: by wheel odometry alone"
-        drawn.append(beside(_draw, folder, "wheels", cells, poses, title=about))
+        about = f"{run.scans.name}: by wheel odometry alone"
+        # to the end: the cells of a map that is smeared take much memory
+        beside(_draw, folder, "wheels", occupied_cells(run.scans, poses), poses, title=about)()
     maps = run.maps or maps_of_run(run, cell=0.05)
     lean = dataclasses.replace(record, steps=()), dataclasses.replace(maps, grid=None)
-    drawn.append(beside(_draw, folder, "map", *lean, title=title, truth=run.truth))
+    drawn = [beside(_draw, folder, "map", *lean, title=title, truth=run.truth)]
     if graph is not None:
         shown = dataclasses.replace(graph, scans=()), maps.standing
         drawn.append(beside(_draw, folder, "graph", *shown, title=f"{title}: pose graph"))

@@ -6,6 +6,8 @@ poses, a loop closure those since it; places that hold too many keyframes lose t
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from curvescan import se2
@@ -13,8 +15,7 @@ from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.odometry.measurement import as_measurement
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
-from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.jobs import Solution
+from curvescan.slam.config import GATE, NoiseConfig, SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.belief import Belief
 from curvescan.slam.loops.closures import Closure, difference
@@ -22,8 +23,27 @@ from curvescan.slam.loops.cycles import Chain
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, components
 from curvescan.slam.pose_graph.posterior import covariances_seen_from
+from curvescan.slam.pose_graph.robust import optimized
 from curvescan.slam.thinning import Heir, thin, with_heirs
 from curvescan.types import Bools, Cov, Pose
+
+_NEARBY = 6.0
+"""Convexity to begin with where the optimum is near that of the last one; else every edge is reconsidered."""
+
+
+class Solution(NamedTuple):
+    """A pose graph solved, and what it then knows of the keyframe that scans hang on."""
+
+    graph: PoseGraph
+    current: int
+    covariances: Cov  # (n, 3, 3): of each keyframe, with the current one known exactly
+
+
+def solve(graph: PoseGraph, current: int, noise: NoiseConfig, is_last: bool) -> Solution:
+    """Move a pose graph, a copy, to its robust optimum, and return it; the heavy parts release Python's lock."""
+    optimum = optimized(graph, weights=graph.weights, least_convexity=0.0 if is_last else _NEARBY)
+    graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
+    return Solution(graph, current, covariances_seen_from(graph, current, noise))
 
 
 class GrowingMap:

@@ -50,7 +50,7 @@ class Keyframes:
         return len(self._all)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_prepared": OrderedDict()}  # what can be made anew
+        return {**vars(self), "_prepared": OrderedDict(), "profiles": None, "index": None}  # matches need none of it
 
     def __getitem__(self, k: int) -> Keyframe:
         return self._all[k]

@@ -30,8 +30,7 @@ from curvescan.odometry.step import UNMEASURED, Step, StepOutcome, between_steps
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.config import SlamConfig
-from curvescan.slam.growing_map import GrowingMap
-from curvescan.slam.jobs import Solution, solve
+from curvescan.slam.growing_map import GrowingMap, Solution, solve
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import Beside, LoopSearch
 from curvescan.slam.loops.audit import Contradiction

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.slam.config import GATE
+from curvescan.slam.config import ANYWHERE_M, GATE
 from curvescan.slam.pose_graph.cholesky import Elimination
-from curvescan.slam.pose_graph.graph import components, first_of_each
+from curvescan.slam.pose_graph.graph import PoseGraph, components, first_of_each
 from curvescan.slam.pose_graph.optimization import Edges, optimize, squared_distances
 from curvescan.types import Floats, Pose
 
@@ -78,3 +78,18 @@ def _optimum(poses: Pose, edges: Edges, weights: Floats, elimination: Eliminatio
     # a session that hangs on closures alone may come loose
     anchors = first_of_each(components(edges.ends[used], len(poses)))
     return optimize(poses, edges.chosen(used), weights[used], anchors, elimination)
+
+
+def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: float = 0.0) -> RobustOptimum:
+    """Return the robust optimum of a graph, begun with some weights; None for all edges in full.
+
+    A closure beyond the gate may be a false match. A step that slipped may lead anywhere, which is as much less likely
+    as it is narrow: else one step takes all of what a long way errs by.
+    """
+    edges = Edges.of(graph.ends, graph.measured, graph.edge_covariances)
+    spread = graph.edge_covariances[:, :2, :2]
+    anywhere = np.linalg.det(spread + ANYWHERE_M**2 * np.eye(2)) / np.linalg.det(spread)
+    limits = GATE + np.where(graph.is_closure, 0.0, np.log(anywhere))
+    return optimize_robustly(
+        graph.poses, edges, graph.least_weights, limits, weights=weights, least_convexity=least_convexity
+    )
