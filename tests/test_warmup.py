@@ -36,6 +36,7 @@ from curvescan.mapping.run_maps import build_maps
 from curvescan.engines import run_engine
 from curvescan.slam.loops.agreement import _clique
 from curvescan.slam.loops.cycles import cycle_distances
+from curvescan.slam.open_direction import _count
 
 sensor = replace(SENSORS["spinning-360"], time_increment=0.1 / 360)
 # a loop, a leap to where it has not been, and back: failures and recovery
@@ -44,8 +45,8 @@ rows = [*range(60), *range(190, 220), *range(30, 90)]
 scans, wheels = [sim[i] for i in rows], sim.odometry.poses[rows]
 cs.warm_up()
 before = variants()
-# of long drives, and of closures that wait for others: the drive below may need none of them
-assert [len(k.signatures) for k in (_clique, cycle_distances)] == [1, 1]
+# of closures that wait for others, and of those along corridors: the drive below may need none of them
+assert [len(k.signatures) for k in (_clique, cycle_distances, _count)] == [1, 1, 1]
 run_engine(scans, cs.Odometry(), odometry_poses=wheels)
 run = run_engine(scans, cs.Odometry())
 assert {"PREDICTED", "LOST", "MATCHED"} <= {o.name for o in run.outcomes}

@@ -138,19 +138,16 @@ def _map_and_localize(method: str, laps: Pose) -> None:
     """Map the room, close its loop, and find the sensor in the map."""
     # SciPy's sparse matrices take their time to load
     from curvescan.slam import Localizer, Slam
-    from curvescan.slam.config import ClosuresConfig, KeyframesConfig, PlacesConfig, SlamConfig
+    from curvescan.slam.open_direction import n_through
 
     # keyframes that stand near, go soon, and close loops only where several agree
-    often = SlamConfig(
-        keyframes=KeyframesConfig(distance=0.1),
-        places=PlacesConfig(n_keyframes=1),
-        closures=ClosuresConfig(log_odds=20.0),
-    )
+    often = {"keyframes": {"distance": 0.1}, "places": {"n_keyframes": 1}, "closures": {"log_odds": 20.0}}
     slam = Slam(method, config=often)
     scans = [_scan(pose, _ROOM, k) for k, pose in enumerate(laps)]
     for scan in scans:
         slam.add(scan)
     slam.finish()
+    n_through(scans[0], scans[1], laps[:1])  # of corridors
     localizer = Localizer(slam.map)
     for scan in scans[:4]:
         localizer.add(scan)

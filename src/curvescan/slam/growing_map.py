@@ -176,8 +176,7 @@ class GrowingMap:
             self.graph.keep_poses(is_kept)
             self.keyframes.keep(is_kept)
             self._steps = steps_of(self.graph)
-            rows = np.flatnonzero(is_kept).tolist()
-            self.fragments = [self.fragments[k] for k in rows]
+            self.fragments = np.array(self.fragments)[is_kept].tolist()
             self.belief, self._chain = belief.kept(is_kept[: belief.n]), None
             self.current = int(np.count_nonzero(is_kept[: self.current]))
         return is_kept, {numbers[v] for v in gone}

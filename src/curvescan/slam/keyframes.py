@@ -6,6 +6,7 @@ import itertools
 import math
 from collections import OrderedDict
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -88,7 +89,7 @@ class Keyframes:
         """Return a keyframe ready to be matched."""
         keyframe = self._all[k]
         # points and directions of a copy of the scan go with it
-        found = self._prepared.pop(keyframe.number, None) or self.prepare(replace(keyframe.scan))
+        found = self._prepared.pop(keyframe.number, None) or self.prepare(copy(keyframe.scan))
         self._prepared[keyframe.number] = found
         if len(self._prepared) > _N_PREPARED:
             self._prepared.popitem(last=False)

@@ -49,7 +49,7 @@ class ClosureOutcome(Enum):
     UNEXPECTED = "The match lies where the graph does not expect it, and is not likely enough alone."
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Closure:
     """A loop-closure candidate that was matched: within the back end keyframes by row, in all records by number."""
 
