@@ -1,11 +1,12 @@
 """Fit the confidence of the default matcher anew: `python bench/fit_confidence.py [--n 150] [--seed 40] [--check]`.
 
 Runs the matcher on every deceptive world, on the bench's scenarios, on offices and buildings with round people in them,
-and, where CURVESCAN_DATA holds them, on keyframes of real logs (neighbours: right; far apart: nothing shared), without
-a guess and with a good or a made-up one. Pairs of another generator are judged with, not fitted to. Prints the
-constants of `curvescan.matchers.curvescan.assessment.confidence`, a table of reliability with each family of sets left
-out of the fit in turn, and draws the diagram of the whole. Every set counts the same. With --check nothing is fitted:
-table and diagram are those of the constants as they are.
+on keyframes of simulated floors matched by right and wrong priors, as a map's loops are, and, where CURVESCAN_DATA
+holds them, on half of the pairs of another generator and on keyframes of real logs (neighbours: right; far apart:
+nothing shared; Killian by priors). All but the keyframes are matched without a prior, and with one that may be wrong.
+Prints the constants of `curvescan.matchers.curvescan.assessment.confidence`, a table of reliability with each family of
+sets left out of the fit in turn, and draws the diagram of the whole. Every family counts the same, and every set in it.
+With --check nothing is fitted: table and diagram are those of the constants as they are.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ import argparse
 import itertools
 import math
 import os
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -26,22 +27,26 @@ from scipy.optimize import minimize
 import curvescan as cs
 from curvescan import se2
 from curvescan.benchmarks.scenarios import SCENARIOS
-from curvescan.matchers.curvescan.assessment import confidence as model
+from curvescan.matchers.curvescan.assessment.confidence import COEFFICIENTS
 from curvescan.matchers.curvescan.disambiguation import AssessedPose
 from curvescan.matchers.curvescan.pose_difference import is_along
 from curvescan.scan import LaserScan
 from curvescan.simulation import simulate_pairs
 from curvescan.simulation.sensing.people import People
-from curvescan.types import Floats, Pose
+from curvescan.types import Floats, Pose, UncertainPose
 from deceptive import DECEPTIONS, deceptive_pairs
+from floors import recorded
 
-Pair = tuple[LaserScan, LaserScan, Pose | None, Pose | None]
-"""Reference, current, true pose (None: nothing is shared), guess."""
+Pair = tuple[LaserScan, LaserScan, Pose | None, UncertainPose | None]
+"""Reference, current, true pose (None: nothing is shared), prior."""
 
-LIMITS = (0.4, 0.5, 0.55, 0.6, 0.7, 0.8)
+DATA = Path(os.environ.get("CURVESCAN_DATA", "../shared/data"))
+LIMITS = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 N_RIVALS = 4
+PRIORS = [list(COEFFICIENTS).index(name) for name in ("prior", "few_prior")]
 SIZES = (("small", 0.1, 5.0), ("medium", 0.3, 15.0), ("large", 0.6, 40.0))
-NEAR_SIM, NEAR_REAL = (0.1, np.radians(2.0)), (0.25, np.radians(3.0))
+# metres and radians within which a pose is right; the corrected poses of a log are wrong by so much themselves
+NEAR_SIM, NEAR_REAL = (0.1, np.radians(2.0)), (0.35, np.radians(4.0))
 # metres up to which each measures: the laser of Acapulco writes 51.05 to 51.16 where nothing returns, up to 46 readings
 # of a scan, an arc
 # that moves with the sensor
@@ -53,10 +58,11 @@ KEY_LOGS = {
     "aces/aces-corrected.log.gz": math.inf,
 }
 PEOPLE = "pairs-people/pairs.npz"
+KILLIAN, KILLIAN_RANGE = "mit-killian/mit-killian.clf.gz", 50.5
+# kinds of simulated floors, bench/floors.py
+KINDS = "AHCEFB"
 # what deceives a scan matcher by its nature: nothing in the two scans shows it
 UNFITTED = ("company",)
-# of a generator that is to judge, not to be fitted to
-JUDGING = "people "
 
 
 def key_scans(path: Path, range_max: float) -> tuple[list[LaserScan], Pose]:
@@ -84,13 +90,47 @@ def far_pairs(scans: list[LaserScan], poses: Pose, n: int, seed: int) -> Iterato
             yield scans[i], scans[j], None, None
 
 
-def guessed(pairs: Iterable[Pair], seed: int) -> Iterator[Pair]:
-    """Yield pairs with a guess: near the truth, or, where there is none, that of a robot that drives on."""
+def with_priors(pairs: Iterable[Pair], seed: int) -> Iterator[Pair]:
+    """Yield each pair without a prior and with one, of three widths; where nothing is shared it says that they lie near."""
     rng = np.random.default_rng(seed)
     for ref, cur, true, _ in pairs:
-        off = rng.normal(size=3) * (0.1, 0.1, 0.05)
-        guess = off * (3.0, 1.0, 3.0) if true is None else true + off
-        yield ref, cur, true, guess
+        sigma = rng.choice([0.05, 0.15, 0.5])
+        off = sigma * rng.normal(size=3)
+        yield ref, cur, true, None
+        yield ref, cur, true, UncertainPose(2.0 * off if true is None else true + off, sigma**2 * np.eye(3))
+
+
+def keyframe_pairs(scans: Sequence[LaserScan], poses: Pose, n: int, seed: int) -> Iterator[Pair]:
+    """Yield n pairs of keyframes, 0.5 m or 0.5 rad apart along a drive, with priors as the graph of a map has them.
+
+    Three in ten are far from each other, and the prior has them in one corridor; of the others three in ten have a
+    prior that is off by 2 to 8 m.
+    """
+    rng = np.random.default_rng(seed)
+    keys = [0]
+    for i in range(len(poses)):
+        x, y, turn = se2.between(poses[keys[-1]], poses[i])
+        if math.hypot(x, y) > 0.5 or abs(turn) > 0.5:
+            keys.append(i)
+    places, order = poses[keys], np.arange(len(keys))
+    for _ in range(n):
+        first = int(rng.integers(len(keys)))
+        away = np.hypot(*(places - places[first])[:, :2].T)
+        is_far, is_step = rng.random() < 0.3, rng.random() < 0.15
+        others = away > 12.0 if is_far else (away < 8.0) & (away > 0.0) & (is_step | (np.abs(order - first) > 20))
+        if not others.any():
+            continue
+        second = int(rng.choice(np.flatnonzero(others)))
+        true = se2.between(places[first], places[second])
+        sigma = np.array([1.0, 1.0, 0.0]) * rng.choice([0.3, 1.0, 2.0]) + [0.0, 0.0, rng.choice([0.05, 0.15])]
+        expected = true + sigma * rng.normal(size=3)
+        if is_far:
+            expected = np.array([rng.uniform(-6.0, 6.0), rng.normal(), rng.choice([0.0, np.pi]) + 0.1 * rng.normal()])
+        elif rng.random() < 0.3:
+            way, off = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(2.0, 8.0)
+            expected[:2] = true[:2] + off * np.array([np.cos(way), np.sin(way)])
+        prior = UncertainPose(expected, np.diag(sigma**2))
+        yield scans[keys[first]], scans[keys[second]], true, prior
 
 
 def family(name: str) -> str:
@@ -99,6 +139,8 @@ def family(name: str) -> str:
         return "another generator"
     if name.startswith(("office ", "crowd ")):
         return "offices"
+    if name.startswith("keyframes"):
+        return "keyframes of Killian" if "killian" in name else "keyframes of floors"
     return "real logs" if any(word in name for word in (" near", " far")) else "deceptive worlds"
 
 
@@ -127,9 +169,22 @@ def pairs_of_people(path: Path, rows: range) -> Iterator[tuple[str, list[Pair]]]
 
 def sets(n: int, seed: int) -> Iterator[tuple[str, Iterable[Pair]]]:
     """Yield names and pairs of everything that is fitted to."""
+    for name, pairs in plain_sets(n, seed):
+        yield name, with_priors(pairs, seed)
+    for kind in KINDS:
+        log, truth = recorded(kind, seed, has_wheels=False)
+        yield f"keyframes, floor {kind}", keyframe_pairs(list(log), truth, 10 * n, seed)
+    killian = DATA / KILLIAN
+    if killian.exists():
+        scans = [replace(scan, range_max=min(scan.range_max, KILLIAN_RANGE)) for scan in cs.read_log(killian)]
+        yield "keyframes, killian near", keyframe_pairs(scans, cs.run(killian, "slam").trajectory.poses, 10 * n, seed)
+
+
+def plain_sets(n: int, seed: int) -> Iterator[tuple[str, Iterable[Pair]]]:
+    """Yield names and pairs of the sets that are matched without a prior and with one."""
     for name in DECEPTIONS:
         pairs = deceptive_pairs(name, n_pairs=n, seed=seed)
-        yield name, ((p.reference, p.current, p.pose, p.guess) for p in pairs)
+        yield name, ((p.reference, p.current, p.pose, None) for p in pairs)
     for scenario in SCENARIOS:
         made = simulate_pairs(
             "office",
@@ -146,24 +201,17 @@ def sets(n: int, seed: int) -> Iterator[tuple[str, Iterable[Pair]]]:
             world, n_pairs=n, translation_max=reach, rotation_max=np.radians(turn), people_share=0.15, seed=seed
         )
         made = replace(made, people=People(body_radius=0.2))
-        plain = ((p.reference, p.current, p.pose, None) for p in made)
-        yield f"crowd {world}, {size}", plain
-    for name in ("another room, 180 deg", "another room, 360 deg", "turned away, office"):
-        pairs = deceptive_pairs(name, n_pairs=n, seed=seed + 1)
-        plain = ((p.reference, p.current, p.pose, None) for p in pairs)
-        yield f"{name}, guessed", guessed(plain, seed)
-    data = Path(os.environ.get("CURVESCAN_DATA", "../shared/data"))
-    if (data / PEOPLE).exists():
-        yield from pairs_of_people(data / PEOPLE, range(200))
+        yield f"crowd {world}, {size}", ((p.reference, p.current, p.pose, None) for p in made)
+    if (DATA / PEOPLE).exists():
+        yield from pairs_of_people(DATA / PEOPLE, range(200))
     for path, range_max in KEY_LOGS.items():
-        if not (data / path).exists():
-            print(f"{data / path} is not there: left out")
+        if not (DATA / path).exists():
+            print(f"{DATA / path} is not there: left out")
             continue
-        scans, poses = key_scans(data / path, range_max)
+        scans, poses = key_scans(DATA / path, range_max)
         name = Path(path).name.split("-")[0]
         yield f"{name} near", near_pairs(scans, poses, 2 * n, seed)
         yield f"{name} far", far_pairs(scans, poses, n, seed)
-        yield f"{name} near, guessed", guessed(near_pairs(scans, poses, n, seed + 1), seed)
 
 
 def is_near(pose: Pose, true: Pose, near: tuple[float, float]) -> bool:
@@ -174,13 +222,11 @@ def is_near(pose: Pose, true: Pose, near: tuple[float, float]) -> bool:
 
 
 class Table:
-    """One row a pair that has a best pose: terms of it and of its rivals, which is right, of which set, what came of it."""
+    """One row a pair that has a best pose: terms of it and its rivals, which is right, of which set, what came of it."""
 
     def __init__(self) -> None:
         self.names: list[str] = []
-        self.terms: list[list[float]] = []
-        self.rival_terms: list[Floats] = []
-        self.is_rival: list[NDArray[np.bool_]] = []
+        self.terms: list[Floats] = []
         self.right: list[int] = []
         self.flagged: list[bool] = []
         self.confidence: list[float] = []
@@ -190,84 +236,57 @@ class Table:
     def add(self, name: str, pairs: Iterable[Pair]) -> None:
         """Match pairs and add a row for each."""
         near = NEAR_REAL if " near" in name else NEAR_SIM
-        for ref, cur, true, guess in pairs:
+        for ref, cur, true, prior in pairs:
             self.counts[name] = self.counts.get(name, 0) + 1
-            assessed = cs.match(ref, cur, guess=guess).trace.assessed
+            assessed = cs.match(ref, cur, prior=prior).trace.assessed
             if assessed.support is None:
                 continue
             weighed, support = assessed.weighed, assessed.support
-            rivals = list(support.rivals)[:N_RIVALS]
-            rows = np.zeros((N_RIVALS, len(model.RIVAL_COEFFICIENTS)))
-            for j, k in enumerate(rivals):
-                of = weighed.rival_terms(k)
-                rows[j] = [of[term] for term in model.RIVAL_COEFFICIENTS]
+            rows = [0, *support.rivals][: 1 + N_RIVALS]
+            terms = np.full((1 + N_RIVALS, len(COEFFICIENTS)), np.nan)
+            terms[: len(rows)] = [list(weighed.terms(k).values()) for k in rows]
+            terms[1:, PRIORS] = np.minimum(terms[1:, PRIORS], terms[0, PRIORS])  # to be expected more makes no rival
             self.names.append(name)
-            is_degenerate = bool(assessed.is_degenerate.any())
-            self.terms.append(list(weighed.terms(0, is_degenerate).values()))
-            self.rival_terms.append(rows)
-            self.is_rival.append(np.arange(N_RIVALS) < len(rivals))
-            self.right.append(_right(assessed, rivals, true, near))
-            self.flagged.append(is_degenerate)
+            self.terms.append(terms)
+            self.right.append(_right(assessed, rows, true, near))
+            self.flagged.append(bool(assessed.is_degenerate.any()))
             self.confidence.append(support.probabilities(assessed.ties).accept)
             is_alone = set(support.repeated()) <= set(assessed.ties)
             self.is_repeated.append(not is_alone or weighed.may_be_turned)
 
 
-def _right(assessed: AssessedPose, rivals: list[int], true: Pose | None, near: tuple[float, float]) -> int:
-    """Return 0 if the best pose is right, 1 + j if the rival j is, -1 if none is."""
+def _right(assessed: AssessedPose, rows: list[int], true: Pose | None, near: tuple[float, float]) -> int:
+    """Return which of some rows is right, the first among them the best pose; -1 if none is."""
     if true is None:
         return -1
     poses, assessment = assessed.weighed.poses, assessed.assessment
     along = assessed.is_degenerate[0] and is_along(assessment.weakest, poses[0], true, 0.15)
     if is_near(poses[0], true, near) or along:
         return 0
-    return next((1 + j for j, k in enumerate(rivals) if is_near(poses[k], true, near)), -1)
+    return next((j for j, k in enumerate(rows) if is_near(poses[k], true, near)), -1)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Data:
-    """The table in arrays: (n, t) terms, (n, r, u) terms of rivals, (n, r) which are any, (n,) the right row or -1."""
-
-    terms: Floats
-    rival_terms: Floats
-    is_rival: NDArray[np.bool_]
-    right: NDArray[np.int64]
-
-    def rows(self, mask: NDArray[np.bool_]) -> Data:
-        """Return some of the pairs."""
-        return Data(
-            terms=self.terms[mask],
-            rival_terms=self.rival_terms[mask],
-            is_rival=self.is_rival[mask],
-            right=self.right[mask],
-        )
-
-    def probabilities(self, coefficients: Floats) -> Floats:
-        """Return (n, 2 + r) probabilities: nothing in common, the best pose, each rival."""
-        n_terms = self.terms.shape[1]
-        odds = np.zeros((len(self.terms), 2 + self.is_rival.shape[1]))
-        odds[:, 0] = -self.terms @ coefficients[:n_terms]
-        odds[:, 2:] = np.where(self.is_rival, self.rival_terms @ coefficients[n_terms:], -60.0)
-        weights = np.exp(np.clip(odds, -60.0, 60.0))
-        return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+def probabilities(terms: Floats, coefficients: Floats) -> Floats:
+    """Return (n, 2 + r) probabilities: nothing in common, the best pose, each rival; `terms` NaN where there is none."""
+    odds = np.zeros((terms.shape[0], terms.shape[1] + 1))
+    odds[:, 1:] = np.nan_to_num(terms @ coefficients, nan=-60.0)
+    weights = np.exp(np.clip(odds, -60.0, 60.0))
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
-def fit(data: Data, weights: Floats) -> Floats:
-    """Return the coefficients of most likelihood, of the best pose and of rivals, slightly drawn to 0; the prior's is 1."""
-    n_terms = data.terms.shape[1]
-    is_so = np.eye(2 + data.is_rival.shape[1])[data.right + 1]
+def fit(terms: Floats, right: NDArray[np.int64], weights: Floats) -> Floats:
+    """Return the coefficients of most likelihood, slightly drawn to 0; the prior's is 1."""
+    is_so = np.eye(2 + N_RIVALS)[right + 1]
+    known = np.nan_to_num(terms)
 
     def loss(coefficients: Floats) -> tuple[float, Floats]:
-        p = data.probabilities(coefficients)
+        p = probabilities(terms, coefficients)
         misfit = -weights @ np.log(np.maximum((p * is_so).sum(axis=1), 1e-12))
-        off = weights[:, np.newaxis] * (p - is_so)
-        slope = np.concatenate((-off[:, 0] @ data.terms, np.einsum("nk,nkf->f", off[:, 2:], data.rival_terms)))
+        slope = np.einsum("n,nk,nkf->f", weights, (p - is_so)[:, 1:], known)
         return float(misfit + 1e-4 * np.sum(coefficients**2)), slope + 2e-4 * coefficients
 
-    names = (*model.COEFFICIENTS, *model.RIVAL_COEFFICIENTS)
-    bounds = [(1.0, 1.0) if name == "prior" else (-20.0, 20.0) for name in names]
-    start = np.zeros(n_terms + len(model.RIVAL_COEFFICIENTS))
-    return np.asarray(minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
+    bounds = [(1.0, 1.0) if name == "prior" else (-20.0, 20.0) for name in COEFFICIENTS]
+    return np.asarray(minimize(loss, np.zeros(len(bounds)), jac=True, method="L-BFGS-B", bounds=bounds).x)
 
 
 def reliability(p: Floats, right: NDArray[np.bool_], weights: Floats) -> list[tuple[float, float, int]]:
@@ -322,41 +341,38 @@ def main() -> None:
         table.add(name, pairs)
     names = np.array(table.names)
     families = np.array([family(name) for name in table.names])
-    data = Data(
-        terms=np.array(table.terms),
-        rival_terms=np.array(table.rival_terms),
-        is_rival=np.array(table.is_rival),
-        right=np.array(table.right),
-    )
-    is_judged = np.char.startswith(names, JUDGING)
-    is_shown = ~np.array(table.is_repeated) & ~np.isin(names, UNFITTED)
-    is_fitted = is_shown & ~is_judged
-    weights = np.array([1.0 / np.sum(names == one) for one in names])
-    p, right = np.array(table.confidence), data.right == 0
+    terms, which, is_right = np.array(table.terms), np.array(table.right), np.array(table.right) == 0
+    is_fitted = ~np.array(table.is_repeated) & ~np.isin(names, UNFITTED)
+    weights = np.zeros(len(names))
+    for one in set(families):
+        some = sorted(set(names[families == one]))
+        for name in some:
+            weights[names == name] = 1.0 / (len(some) * np.sum(names == name))
+
+    def fitted_to(rows: NDArray[np.bool_]) -> Floats:
+        return fit(terms[rows], which[rows], weights[rows] / weights[rows].sum())
+
+    p = np.array(table.confidence)
     if not arguments.check:
-        fitted = weights * is_fitted
-        coefficients = fit(data, fitted / fitted.sum())
-        keys = [*model.COEFFICIENTS, *model.RIVAL_COEFFICIENTS]
-        for key, value in zip(keys, coefficients, strict=True):
+        coefficients = fitted_to(is_fitted)
+        for key, value in zip(COEFFICIENTS, coefficients, strict=True):
             print(f'    "{key}": {value:.2f},')
-        p = data.probabilities(coefficients)[:, 1]
+        p = probabilities(terms, coefficients)[:, 1]
     p = np.where(table.is_repeated, 0.0, p)
     show_sets(table, p)
     for left_out in sorted(set(families)):
-        rows = is_shown & (families == left_out)
+        rows = is_fitted & (families == left_out)
         if not arguments.check:
-            kept = weights * is_fitted * (families != left_out)
-            p_out = data.probabilities(fit(data, kept / kept.sum()))[:, 1]
-            print(f"{left_out}, left out of the fit:", *_bands(p_out, right, weights, rows))
-        print(f"{left_out}:", *_bands(p, right, weights, rows))
-    bands = reliability(p[is_fitted], right[is_fitted], weights[is_fitted])
+            others = probabilities(terms[rows], fitted_to(is_fitted & (families != left_out)))[:, 1]
+            print(f"{left_out}, left out of the fit:", *_bands(others, is_right[rows], weights[rows]))
+        print(f"{left_out}:", *_bands(p[rows], is_right[rows], weights[rows]))
+    bands = reliability(p[is_fitted], is_right[is_fitted], weights[is_fitted])
     print("all:", *(f"{said:.3f} {so:.3f} ({n})," for said, so, n in bands))
     draw(bands, arguments.out)
 
 
-def _bands(p: Floats, right: NDArray[np.bool_], weights: Floats, rows: NDArray[np.bool_]) -> list[str]:
-    bands = reliability(p[rows], right[rows], weights[rows])
-    return [f"{said:.3f} {so:.3f} ({n})," for said, so, n in bands]
+def _bands(p: Floats, right: NDArray[np.bool_], weights: Floats) -> list[str]:
+    return [f"{said:.3f} {so:.3f} ({n})," for said, so, n in reliability(p, right, weights)]
 
 
 if __name__ == "__main__":

@@ -164,18 +164,13 @@ def static_segments(surfels, bounds, partner, others, pose, limit, least):
 
 def confidence_terms(evidence, prior, wide_prior):
     """What the confidence weighs of a pose by (8,) its evidence, by name."""
-    agreeing, excess, weakest, misfit, missed, seen_through = np.maximum(evidence[:6], 0.0)
-    few = max(1.0 - (excess + 0.1) / 2.0, 0.0)
+    agreeing, excess, weakest, misfit, seen_through = np.maximum(evidence[:5], 0.0)
     return {
         "constant": 1.0,
-        "log10_excess": np.log10(excess + 0.1),
         "log10_agreeing": np.log10(agreeing + 0.1),
         "log10_weakest": np.log10(weakest + 0.1),
         "log10_misfit": np.log10(misfit + 0.1),
-        "log10_missed": np.log10(missed + 0.05),
         "log10_seen_through": np.log10(seen_through / (agreeing + 0.1) + 0.1),
         "prior": prior,
-        "degenerate": 0.0,
-        "few": few,
-        "few_prior": few * wide_prior,
+        "few_prior": max(1.0 - (excess + 0.1) / 2.0, 0.0) * wide_prior,
     }

@@ -120,7 +120,7 @@ class ScoringConfig:
     readings of a surface that did not move on the mean."""
     doubtful_score: float = 0.35
     """Below this score other ways to a pose are tried, too."""
-    min_confidence: float = 0.55
+    min_confidence: float = 0.5
     """Least confidence of a match."""
     min_inliers: int = 15
     """Least readings of the current scan that agree at a match, or a third of all where those are few."""

@@ -85,7 +85,7 @@ def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | Non
     if assessment is None or not assessment.is_enough(config.scoring):
         return AssessedPose(weighed=weighed, is_degenerate=np.ones(3, dtype=np.bool_), ties=[])
     poses = weighed.poses
-    is_degenerate, is_nearly = degenerate_directions(ref, cur, poses[0], assessment, config)
+    is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
     if is_degenerate[0]:
         # where the scans leave a direction open, the prior decides along it: it is not held against the pose
         slid = problem.prior.nearest_along(poses[0], assessment.weakest, config.hypotheses.along_reach)
@@ -98,7 +98,7 @@ def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | Non
         assessment.is_weakly_observable(config.information) and any(weighed.scores[k] > least for k in along)
     )
     others = [k for k in range(1, len(poses)) if distance(poses[k], poses[0]) > NEAR and not (is_flat and k in along)]
-    support = support_of(weighed, others, any(is_degenerate.tolist()) or is_flat or is_nearly)
+    support = support_of(weighed, others)
     ties = [k for k in along if weighed.scores[k] > least] if is_flat else ties_of(support, along, config)
     if walls is not None:
         ties = [k for k in along if k in ties or weighed.is_as_likely(k)]

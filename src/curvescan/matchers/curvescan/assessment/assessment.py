@@ -125,19 +125,18 @@ def assess(
 
 def degenerate_directions(
     ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, assessment: Assessment, config: CurvescanConfig
-) -> tuple[Bools, bool]:
-    """Return (3,) which principal directions the scans leave open, the least informed first; whether one nearly is.
+) -> Bools:
+    """Return (3,) which principal directions the scans leave open, the least informed first.
 
     A direction is degenerate when its information does not exceed the spurious information of tilted lines, or is next
     to nothing; and the least informed, if it is weak, also when the scans agree as well some way along it.
     """
     rules, images, is_degenerate = config.information, (ref.image, cur.image), assessment.is_open.copy()
-    here, beside = 1.0, 0.0  # scores
     if assessment.is_weakly_observable(rules) and not is_degenerate[0]:
         moved = pose + rules.max_sigma * np.outer(np.append(DOUBLED, -DOUBLED), assessment.weakest)
         here, beside = (select(one, *images, *FINE, 1, 4096, 0.0)[1][0] for one in (pose[np.newaxis], moved))
         is_degenerate[0] = beside > assessment.as_good(rules) * here
-    return is_degenerate, beside > (1.0 - rules.degenerate_ratio) * here
+    return is_degenerate
 
 
 def without_dynamic(

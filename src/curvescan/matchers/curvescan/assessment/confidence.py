@@ -1,10 +1,10 @@
 """Confidence: the probability that a pose is right, from how much agrees, what contradicts, and what else explains it.
 
-Each pose of a match has log odds against there being nothing in common, linear in its evidence. Chance: in a world of
-right angles a corner of two walls fits any other, so what agrees *beyond* the two longest walls counts in full, and
-walls that one scan has where the other saw through count against. Repetition: shelves, pillars and bare rooms look the
-same from several places, so each other pose has odds against the best one, and one that explains as much makes the
-match ambiguous. The model and its fit: docs/design-notes/confidence.md.
+Each pose of a match has log odds against there being nothing in common, linear in its evidence, and the probability of
+one among all follows. Chance: in a world of right angles a corner of two walls fits any other, so where nothing agrees
+*beyond* the two longest walls a large motion counts more against, and so do walls that one scan has where the other saw
+through. Repetition: shelves, pillars and bare rooms look the same from several places, and a pose that explains as much
+as the best makes the match ambiguous. The model and its fit: docs/design-notes/confidence.md.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     BEYOND,
     EXCESS,
     MISFIT,
-    MISSED,
     SEEN_THROUGH,
     SMALL,
     WEAKEST,
@@ -43,41 +42,25 @@ MAX_REPETITION = 0.45
 REGULAR, PITCH = 0.33, 0.5
 
 COEFFICIENTS = {
-    "constant": -5.1,
-    "log10_excess": 1.96,
-    "log10_agreeing": 0.54,
-    "log10_weakest": 1.21,
-    "log10_misfit": -1.1,
-    "log10_missed": -1.27,
-    "log10_seen_through": -5.9,
+    "constant": -6.2,
+    "log10_agreeing": 1.5,
+    "log10_weakest": 1.9,
+    "log10_misfit": -1.4,
+    "log10_seen_through": -7.4,
     "prior": 1.0,
-    "degenerate": -1.59,
-    "few": 1.48,
-    "few_prior": 3.0,
+    "few_prior": 2.75,
 }
-"""Log odds of a pose against nothing in common, by terms; docs/design-notes/confidence.md: what was fitted to what."""
-
-RIVAL_COEFFICIENTS = {
-    "constant": -1.2,
-    "log10_misfit": -1.89,
-    "log10_seen_through": -5.3,
-    "prior": 1.0,
-    "repetition": 0.54,
-}
-"""Log odds that another pose is right and not the best, by its terms less those of the best, and its repetition."""
+"""Log odds of a pose against nothing in common, by terms; bench/fit_confidence.py fits them."""
 
 _PRIOR_OF_TWO = 0.3  # share of what the prior weighs where two poses of the same scans are compared
 _ENOUGH_EXCESS = 2.0  # metres of excess from which on a pose rests on more than two walls
 _FLOOR = 0.1  # metres, and mean square: what is added before a logarithm is taken
-# Rows of a pose's terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice.
-_COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED)
-_LEAST = (_FLOOR, _FLOOR, _FLOOR, _FLOOR, 0.5 * _FLOOR)
+# Of the terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice.
+_COLUMNS = (AGREEING, WEAKEST, MISFIT)
 _ROW = {name: k for k, name in enumerate(COEFFICIENTS)}
-_N_TERMS = len(COEFFICIENTS)
-_WEIGHTS, _RIVAL_WEIGHTS = tuple(COEFFICIENTS.values()), tuple(RIVAL_COEFFICIENTS.values())
-_CONSTANT, _PRIOR, _DEGENERATE = _ROW["constant"], _ROW["prior"], _ROW["degenerate"]
-_FEW, _FEW_PRIOR, _SEEN_THROUGH = _ROW["few"], _ROW["few_prior"], _ROW["log10_seen_through"]
-_COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", "prior"))
+_WEIGHTS, _N_TERMS = tuple(COEFFICIENTS.values()), len(COEFFICIENTS)
+_CONSTANT, _SEEN_THROUGH = _ROW["constant"], _ROW["log10_seen_through"]
+_PRIOR, _FEW_PRIOR = _ROW["prior"], _ROW["few_prior"]
 _LITTLE = 0.5  # metres: so much more explains nothing
 _BARE_PRIOR = -0.25  # log odds of the prior below which a bare room may be turned by half: 1 m and 57 degrees
 _DOUBTFUL = 0.1  # of what agrees: a pose of which more is contradicted is in doubt
@@ -122,28 +105,21 @@ class WeighedPoses:
 
     @cached_property
     def _terms(self) -> list[list[float]]:
-        """What the model weighs of each pose, in the order of COEFFICIENTS, without an open direction."""
+        """What the model weighs of each pose, in the order of COEFFICIENTS."""
         rows: list[list[float]] = terms_of(self.evidence, self.priors, self.wide_priors).tolist()
         return rows
 
-    def terms(self, k: int, is_degenerate: bool = False) -> dict[str, float]:
+    def terms(self, k: int) -> dict[str, float]:
         """Return what the model weighs of one pose, by the names of its coefficients."""
-        return dict(zip(COEFFICIENTS, self._terms_at(k, is_degenerate), strict=True))
+        return dict(zip(COEFFICIENTS, self._terms[k], strict=True))
 
-    def log_odds(self, k: int, is_degenerate: bool = False) -> float:
+    def log_odds(self, k: int) -> float:
         """Return the log odds that one pose is right and the scans have not nothing in common."""
-        return _weighted(_WEIGHTS, self._terms_at(k, True)) if is_degenerate else self._odds[k]
+        return self._odds[k]
 
     @cached_property
     def _odds(self) -> list[float]:
-        return [_weighted(_WEIGHTS, terms) for terms in self._terms]
-
-    def _terms_at(self, k: int, is_degenerate: bool) -> list[float]:
-        if not is_degenerate:
-            return self._terms[k]
-        terms = self._terms[k].copy()
-        terms[_DEGENERATE] = 1.0
-        return terms
+        return [sum(map(operator.mul, _WEIGHTS, terms)) for terms in self._terms]
 
     def rank(self, k: int) -> float:
         """Return what poses are compared by: the log odds, in which the prior counts for little."""
@@ -154,24 +130,14 @@ class WeighedPoses:
         terms = self._terms[k]
         return _WEIGHTS[_PRIOR] * terms[_PRIOR] + _WEIGHTS[_FEW_PRIOR] * terms[_FEW_PRIOR]
 
+    def rival_log_odds(self, k: int) -> float:
+        """Return the log odds that pose k is right and not the first; to be expected more alone makes no rival."""
+        expected_more = max(self._by_prior(k) - self._by_prior(0), 0.0)
+        return self._odds[k] - self._odds[0] - expected_more
+
     def is_told(self, k: int) -> bool:
         """Return whether the prior itself says that the scan is at pose k."""
         return bool(self.priors[k] > TOLD)
-
-    def rival_terms(self, k: int) -> dict[str, float]:
-        """Return what the model weighs of pose k against the first."""
-        return dict(zip(RIVAL_COEFFICIENTS, self._rival_terms_at(k), strict=True))
-
-    def rival_log_odds(self, k: int) -> tuple[float, float]:
-        """Return the log odds that pose k is right and not the first, at most the difference of theirs; repetition."""
-        terms = self._rival_terms_at(k)
-        return min(_weighted(_RIVAL_WEIGHTS, terms), self._odds[k] - self._odds[0]), terms[-1]
-
-    def _rival_terms_at(self, k: int) -> list[float]:
-        own, best, repetition = self._terms[k], self._terms[0], self.repetition(k)
-        misfit, seen_through, prior = (own[row] - best[row] for row in _COMPARED)
-        # to be expected more speaks for a pose as far as the scans do
-        return [1.0, misfit, seen_through, prior * repetition if prior > 0.0 else prior, repetition]
 
     @property
     def is_bare(self) -> bool:
@@ -198,8 +164,7 @@ class WeighedPoses:
         if not len(self.poses):
             return False
         best = self._rows[0]
-        contradicted = best[SEEN_THROUGH] + best[MISSED]
-        is_wrong_somewhere = best[EXCESS] < _ENOUGH_EXCESS and contradicted > _DOUBTFUL * best[AGREEING]
+        is_wrong_somewhere = best[EXCESS] < _ENOUGH_EXCESS and best[SEEN_THROUGH] > _DOUBTFUL * best[AGREEING]
         is_likely = is_wrong_somewhere or self.wide_priors[0] < _BARE_PRIOR
         return self.is_bare and is_likely and not self.is_told(0)
 
@@ -252,25 +217,19 @@ class WeighedPoses:
         return math.exp(min(_PRIOR_OF_TWO * (self._by_prior(k) - self._by_prior(0)), 0.0))
 
 
-def _weighted(weights: tuple[float, ...], terms: list[float]) -> float:
-    total: float = sum(map(operator.mul, weights, terms))
-    return total
-
-
 @kernel
 def terms_of(evidence: Floats, priors: Floats, wide_priors: Floats) -> Floats:
-    """Return (k, n) what the model weighs of each pose, in the order of COEFFICIENTS, without an open direction."""
+    """Return (k, n) what the model weighs of each pose, in the order of COEFFICIENTS."""
     terms = np.zeros((priors.size, _N_TERMS))
     for k in range(priors.size):
         terms[k, _CONSTANT] = 1.0
         for i in range(len(_COLUMNS)):
-            terms[k, _CONSTANT + 1 + i] = math.log10(max(evidence[k, _COLUMNS[i]], 0.0) + _LEAST[i])
-        # 1 where the pose rests on two walls alone, 0 from some more on
-        few = max(1.0 - (max(evidence[k, EXCESS], 0.0) + _LEAST[0]) / _ENOUGH_EXCESS, 0.0)
+            terms[k, _CONSTANT + 1 + i] = math.log10(max(evidence[k, _COLUMNS[i]], 0.0) + _FLOOR)
         share = max(evidence[k, SEEN_THROUGH], 0.0) / (max(evidence[k, AGREEING], 0.0) + _FLOOR)
         terms[k, _SEEN_THROUGH] = math.log10(share + _FLOOR)
         terms[k, _PRIOR] = priors[k]
-        terms[k, _FEW] = few
+        # 1 where the pose rests on two walls alone, 0 from some more on
+        few = max(1.0 - (max(evidence[k, EXCESS], 0.0) + _FLOOR) / _ENOUGH_EXCESS, 0.0)
         terms[k, _FEW_PRIOR] = few * wide_priors[k]
     return terms
 

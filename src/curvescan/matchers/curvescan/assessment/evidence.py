@@ -11,21 +11,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from curvescan._jit import inlined, kernel
+from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, IN_FRONT, INLIER, OCCLUDED, agreeing_limits
 from curvescan.matchers.curvescan.assessment.walls import excess_lengths
-from curvescan.matchers.curvescan.association import (
-    BACKWARD,
-    FORWARD,
-    Motion,
-    associate,
-    is_seen_through,
-    motion_of,
-    project,
-    turned,
-    turned_back,
-)
-from curvescan.matchers.curvescan.config import PARALLEL
+from curvescan.matchers.curvescan.association import BACKWARD, FORWARD, associate, is_seen_through, motion_of, project
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import reading_beside
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, RANGE, VARIANCE
@@ -33,17 +22,15 @@ from curvescan.types import Codes, Floats, Ints
 
 # Columns of an evidence. Metres of surface, the mean of both scans: that agrees; of that besides the two walls, not
 # parallel, that agree most; that agrees and fixes the direction fixed least; MISFIT has no unit: mean squared distance
-# of readings that agree over their variance; parallel to the other scan's surface and beside it; nearer than two
-# readings of the other scan side by side, so seen through, and no small thing; small things that are seen through; that
-# agrees besides those two walls and the two that face them, which are all of a bare room.
-AGREEING, EXCESS, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, SMALL, BEYOND = range(8)
+# of readings that agree over their variance; nearer than two readings of the other scan side by side, so seen through,
+# and no small thing; small things that are seen through; that agrees besides those two walls and the two that face
+# them, which are all of a bare room.
+AGREEING, EXCESS, WEAKEST, MISFIT, SEEN_THROUGH, SMALL, BEYOND = range(7)
 N_EVIDENCE = BEYOND + 1
 
 # Of the readings of the reference, and of those of the current scan: what each is to the other scan, a code of
 # labels.py, and the reading there that it agrees with, -1 without one.
 Compared: TypeAlias = tuple[Codes, Ints, Codes, Ints]
-
-_BESIDE = 0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
 
 
 @kernel
@@ -76,9 +63,8 @@ def add_evidence(
 ) -> int:
     """Add what the readings of one scan say of a pose to `found`, and compare them; return how many have a misfit."""
     surfels, is_small = scan.image.surfels, scan.objects.is_small
-    other, is_small_other = other_scan.image, other_scan.objects.is_small
-    motion = motion_of(pose, way)
-    placed = project(surfels, motion, other)
+    other = other_scan.image
+    placed = project(surfels, motion_of(pose, way), other)
     n_misfits = 0
     xx, xy, yy = 0.0, 0.0, 0.0
     for i in range(surfels.shape[0]):
@@ -92,8 +78,7 @@ def add_evidence(
         nearer = min(other.surfels[j, RANGE], other.surfels[beside, RANGE]) if beside >= 0 else 0.0
         if not is_small[i] and is_seen_through(x, y, nearer - max(limit, IN_FRONT)):
             found[SEEN_THROUGH] += length
-        is_on_line = along * along < reach * reach
-        if is_on_line and abs(across) < limit:
+        if along * along < reach * reach and abs(across) < limit:
             codes[i], partner[i] = INLIER, j
             nx, ny = surfels[i, NX], surfels[i, NY]
             found[AGREEING] += length
@@ -105,19 +90,9 @@ def add_evidence(
         elif is_seen_through(x, y, other.surfels[j, RANGE] - 2.0 * limit - IN_FRONT):
             codes[i] = DYNAMIC
             found[SMALL] += length if is_small[i] else 0.0
-        elif is_on_line and abs(across) < _BESIDE and not (is_small[i] or is_small_other[j]):
-            found[MISSED] += length if is_parallel(surfels, i, motion, other.surfels, j) else 0.0
     half = 0.5 * (xx - yy)
     found[WEAKEST] += 0.5 * (xx + yy) - math.sqrt(half * half + xy * xy)
     excess, beyond = excess_lengths(surfels, codes)
     found[EXCESS] += excess
     found[BEYOND] += beyond
     return n_misfits
-
-
-@inlined
-def is_parallel(surfels: Floats, i: int, motion: Motion, surfels_other: Floats, j: int) -> bool:
-    """Return whether a reading, moved, faces as one of the other scan does."""
-    nx, ny = surfels[i, NX], surfels[i, NY]
-    x, y = turned(nx, ny, motion) if motion.way > 0.0 else turned_back(nx, ny, motion)
-    return bool(x * surfels_other[j, NX] + y * surfels_other[j, NY] > PARALLEL)

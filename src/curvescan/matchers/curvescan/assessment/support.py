@@ -25,7 +25,7 @@ class Support(NamedTuple):
     """What speaks for the first of some poses and against it."""
 
     log_odds: float  # that it is right and the scans have not nothing in common
-    rivals: dict[int, float]  # log odds, for each other pose that may be right instead, by its row
+    rivals: dict[int, float]  # log odds that another pose is right instead, by its row
     repetitions: dict[int, float]  # share of what supports the first that each explains, less where expected less
     # rows that lie to either side of the first at one distance and each explain some of what supports it: shelves in
     # a row, of which the first lays those of one scan on the next ones of the other
@@ -45,16 +45,16 @@ class Support(NamedTuple):
         return [row for row, share in self.repetitions.items() if share > MAX_REPETITION or row in self.regular]
 
 
-def support_of(weighed: WeighedPoses, others: Sequence[int], is_degenerate: bool) -> Support:
+def support_of(weighed: WeighedPoses, others: Sequence[int]) -> Support:
     """Return what speaks for the first of some poses."""
-    found = {k: weighed.rival_log_odds(k) for k in others}
-    repetitions = {k: repetition * weighed.fading(k) for k, (_, repetition) in found.items()}
+    shares = {k: weighed.repetition(k) for k in others}
+    repetitions = {k: share * weighed.fading(k) for k, share in shares.items()}
     return Support(
-        log_odds=weighed.log_odds(0, is_degenerate),
-        rivals={k: odds for k, (odds, _) in found.items()},
+        log_odds=weighed.log_odds(0),
+        rivals={k: weighed.rival_log_odds(k) for k in others},
         repetitions=repetitions,
         regular=regular_rows(weighed, repetitions),
-        is_by_prior=any(share > MAX_REPETITION >= repetitions[k] for k, (_, share) in found.items()),
+        is_by_prior=any(share > MAX_REPETITION >= repetitions[k] for k, share in shares.items()),
     )
 
 
