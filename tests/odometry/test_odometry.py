@@ -278,7 +278,7 @@ def elsewhere(seed):
 
 def test_carried_to_an_unseen_place_it_is_lost_and_starts_anew():
     scans, _ = in_the_office(2, 12)
-    there, truth = in_the_office(9, 14)
+    there, truth = in_the_office(10, 14)
     odometry = cs.Odometry()
     steps = [odometry.add(scan) for scan in [*scans, *there]]
     names = [step.outcome for step in steps]
