@@ -42,7 +42,7 @@ MAX_REPETITION = 0.45
 REGULAR, PITCH = 0.33, 0.5
 
 COEFFICIENTS = {
-    "constant": -6.2,
+    "constant": -5.9,
     "log10_agreeing": 1.5,
     "log10_weakest": 1.9,
     "log10_misfit": -1.4,
