@@ -30,12 +30,12 @@ def expected(pose, sigma):
 
 @pytest.fixture(scope="module")
 def doubtful():
-    """Scans of a floor a metre apart that the matcher gives no pose of without help, and the true one."""
+    """Scans of a floor 1.3 m apart that the matcher gives no pose of without help, and the true one."""
     coarse = replace(SENSORS["sick-lms200"], n_beams=180, angle_increment=math.pi / 180)
     found = []
     log = cs.simulate("office-floor", sensor=coarse, n_scans=217, n_people=6, seed=32)
-    prepared = [MATCHER.prepare(log[k]) for k in range(0, 217, 9)]
-    poses = log.truth.poses[::9]
+    prepared = [MATCHER.prepare(log[k]) for k in range(0, 217, 12)]
+    poses = log.truth.poses[::12]
     for k in range(len(prepared) - 1):
         result = MATCHER.match(prepared[k], prepared[k + 1], None)
         if not result.ok and result.score >= MotionConfig().expected_score:
