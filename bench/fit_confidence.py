@@ -33,6 +33,7 @@ from curvescan.matchers.curvescan.pose_difference import is_along
 from curvescan.scan import LaserScan
 from curvescan.simulation import simulate_pairs
 from curvescan.simulation.sensing.people import People
+from curvescan.slam.config import KeyframesConfig
 from curvescan.types import Floats, Pose, UncertainPose
 from deceptive import DECEPTIONS, deceptive_pairs
 from floors import recorded
@@ -101,16 +102,15 @@ def with_priors(pairs: Iterable[Pair], seed: int) -> Iterator[Pair]:
 
 
 def keyframe_pairs(scans: Sequence[LaserScan], poses: Pose, n: int, seed: int) -> Iterator[Pair]:
-    """Yield n pairs of keyframes, 0.5 m or 0.5 rad apart along a drive, with priors as the graph of a map has them.
+    """Yield n pairs of keyframes, taken along a drive as a map takes them, with priors as its graph has them.
 
     Three in ten are far from each other, and the prior has them in one corridor; of the others three in ten have a
     prior that is off by 2 to 8 m.
     """
     rng = np.random.default_rng(seed)
-    keys = [0]
+    keys, is_due = [0], KeyframesConfig().is_far
     for i in range(len(poses)):
-        x, y, turn = se2.between(poses[keys[-1]], poses[i])
-        if math.hypot(x, y) > 0.5 or abs(turn) > 0.5:
+        if is_due(se2.between(poses[keys[-1]], poses[i])):
             keys.append(i)
     places, order = poses[keys], np.arange(len(keys))
     for _ in range(n):

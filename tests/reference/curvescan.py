@@ -163,7 +163,7 @@ def static_segments(surfels, bounds, partner, others, pose, limit, least):
 
 
 def confidence_terms(evidence, prior, wide_prior):
-    """What the confidence weighs of a pose by (8,) its evidence, by name."""
+    """What the confidence weighs of a pose by (7,) its evidence, by name."""
     agreeing, excess, weakest, misfit, seen_through = np.maximum(evidence[:5], 0.0)
     return {
         "constant": 1.0,

@@ -200,7 +200,7 @@ def hopeless(*evidences):
 
 
 def test_a_pair_is_hopeless_where_no_pose_comes_near():
-    """Log odds of all poses below -2: not even one in seven is right, and none of 5,500 matches had less than -1.3."""
+    """Log odds of all poses below -2: not even one in seven is right, and no pair turned away so would match."""
     bad = {AGREEING: 2.0, MISFIT: 2.0, SEEN_THROUGH: 2.0}
     assert poses(bad).log_odds(0) < -2.0 < poses(GOOD).log_odds(0)
     assert hopeless(bad, bad)
@@ -219,7 +219,7 @@ def test_surfaces_run_one_way_where_an_eighth_of_them_runs_across():
 
 
 def test_a_pose_is_as_likely_within_half_of_the_log_odds():
-    """The misfit weighs -1.45 a decade: of 0.9 and 0.1 more, twice as much is 0.44, 2.5 times as much 0.58."""
+    """The misfit weighs -1.4 a decade: of 0.9 and 0.1 more, twice as much is 0.42, 2.5 times as much 0.56."""
     less, more = ({**GOOD, MISFIT: factor * 0.9 - 0.1} for factor in (2.0, 2.5))
     both = poses(GOOD, less, more)
     assert both.is_as_likely(1)
