@@ -194,16 +194,6 @@ def test_the_covariance_by_wheels_is_that_of_the_configuration():
     assert cov[2, 2] == pytest.approx(0.003**2 + share**2, rel=1e-12)
 
 
-def test_after_a_failure_what_was_measured_still_is():
-    config = MotionConfig()
-    model = updated(steady(), 0.1, odometry_pose=np.zeros(3))
-    by_wheels = model.predict(0.2, np.array([0.1, 0.0, 0.0]))
-    assert by_wheels.inflated(config) is by_wheels.motion
-    repeated = model.predict(0.2, None)
-    np.testing.assert_array_equal(repeated.inflated(config).pose, repeated.motion.pose)
-    np.testing.assert_array_equal(repeated.inflated(config).cov, config.recovery_covariance)
-
-
 def test_the_noise_of_wheels_after_one_error_of_theirs():
     """A mean over `memory` steps of the square of the error, in variances, both axes of a translation together."""
     config = MotionConfig()

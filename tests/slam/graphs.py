@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges, linearized
 from curvescan.types import Pose
 
@@ -27,6 +28,17 @@ def measured_edges(truth: Pose, ends: list[tuple[int, int]], seed: int) -> Edges
     measured += SIGMAS * rng.standard_normal(measured.shape)
     covariances = np.tile(np.diag(SIGMAS**2), (len(rows), 1, 1))
     return Edges.of(rows, measured, covariances)
+
+
+def graph_of(poses: Pose, edges: Edges) -> PoseGraph:
+    """Return a graph of n poses; the first n - 1 edges are matches of the chain, the others closures."""
+    graph = PoseGraph()
+    for pose in poses:
+        graph.add_pose(pose)
+    for k, (i, j) in enumerate(edges.ends.tolist()):
+        kind = EdgeKind.MATCH if k < len(poses) - 1 else EdgeKind.CLOSURE
+        graph.add_edge(i, j, edges.measured[k], np.diag(SIGMAS**2), kind)
+    return graph
 
 
 def ladder(n: int) -> list[tuple[int, int]]:

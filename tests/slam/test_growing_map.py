@@ -28,7 +28,7 @@ def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() 
     poses = np.array([[0.5 * k, 0.0, 0.0] for k in range(4)])
     scans = list(cs.simulate(walls, sensor="spinning-360", poses=poses, odometry_noise=None, seed=3))
     growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
-    growing.start(scans[0], 0, np.zeros(3), 0)
+    growing.start(scans[0], 0, np.zeros(3))
     for k in (1, 2, 3):
         growing.append(scans[k], k, UncertainPose(np.array([0.45, 0.05, 0.05]), np.diag([0.01, 0.01, 0.01])))
     graph = growing.graph
@@ -44,7 +44,7 @@ def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() 
 def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(scans: list[cs.LaserScan]) -> None:
     """A closure moves the keyframes from its own on, which then come apart from those before."""
     growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
-    growing.start(scans[0], 0, np.zeros(3), 0)
+    growing.start(scans[0], 0, np.zeros(3))
     for k in (1, 2, 1, 2):
         motion = UncertainPose(np.array([0.5, 0.0, 0.0]), np.diag([0.01, 0.01, 0.001]))
         growing.append(scans[k], k, motion)
@@ -62,13 +62,13 @@ def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(scans: lis
 
 def test_the_chain_of_a_map_that_is_continued_is_that_of_its_edges(scans: list[cs.LaserScan]) -> None:
     made = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
-    made.start(scans[0], 0, np.zeros(3), 0)
+    made.start(scans[0], 0, np.zeros(3))
     for k in (1, 2, 1):
         motion = UncertainPose(np.array([0.5, 0.1, 0.2]), np.diag([0.01, 0.02, 0.001]))
         made.append(scans[k], k, motion)
     continued = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
     continued.load(made.snapshot())
-    k = continued.start(scans[0], 9, np.zeros(3), 1)
+    k = continued.start(scans[0], 9, np.zeros(3))
     graph, chain = made.graph, continued.chain()
     steps = np.zeros((k, 3, 3))
     steps[graph.ends[:, 1]] = graph.edge_covariances  # the last edge to a keyframe counts

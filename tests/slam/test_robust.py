@@ -8,8 +8,8 @@ import pytest
 from curvescan import se2
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges
-from curvescan.slam.pose_graph.robust import optimize_robustly, optimized, tls_weights
-from tests.slam.graphs import SIGMAS, dead_reckoning, ladder, loop, measured_edges
+from curvescan.slam.pose_graph.robust import optimized, tls_weights
+from tests.slam.graphs import SIGMAS, dead_reckoning, graph_of, ladder, loop, measured_edges
 
 
 def _with_outliers(edges: Edges, n: int, share: float, seed: int) -> tuple[Edges, np.ndarray]:
@@ -29,8 +29,7 @@ def test_it_keeps_the_true_closures_and_no_false_one(share: float) -> None:
     n = 120
     truth = loop(n)
     edges, is_false = _with_outliers(measured_edges(truth, ladder(n), seed=1), n, share, seed=2)
-    is_chain = np.arange(len(edges.ends)) < n - 1
-    found = optimize_robustly(dead_reckoning(edges, n), edges, 1.0 * is_chain)
+    found = optimized(graph_of(dead_reckoning(edges, n), edges), weights=None)
     assert found.weights[is_false].max() == 0.0
     assert found.weights[~is_false].min() > 0.99
     off = se2.between(truth, found.poses)
@@ -41,9 +40,8 @@ def test_an_edge_wins_its_vote_back() -> None:
     n = 60
     truth = loop(n)
     edges = measured_edges(truth, ladder(n), seed=3)
-    is_chain = np.arange(len(edges.ends)) < n - 1
-    lost = is_chain.astype(np.float64)
-    found = optimize_robustly(truth, edges, lost, weights=lost)
+    lost = 1.0 * (np.arange(len(edges.ends)) < n - 1)
+    found = optimized(graph_of(truth, edges), weights=lost)
     assert found.weights.min() == 1.0
 
 
@@ -53,8 +51,7 @@ def test_a_step_that_slipped_gives_way_and_keeps_its_least_weight() -> None:
     edges = measured_edges(truth, ladder(n), seed=3)
     slipped = edges.measured.copy()
     slipped[25, 0] += 2.0
-    least = np.where(np.arange(len(edges.ends)) < n - 1, 1e-4, 0.0)
-    found = optimize_robustly(dead_reckoning(edges, n), edges._replace(measured=slipped), least)
+    found = optimized(graph_of(dead_reckoning(edges, n), edges._replace(measured=slipped)), weights=None)
     assert found.weights[25] == 1e-4
     # between two closures nothing tells which of three steps it was
     assert set(np.flatnonzero(found.weights < 0.5).tolist()) <= {24, 25, 26}

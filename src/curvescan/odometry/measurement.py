@@ -53,11 +53,6 @@ class GatedMatch(NamedTuple):
     # whether it was fused with the last motion repeated, although another odometry expected something
     is_by_last_motion: bool = False
 
-    def made_without(self, expected: UncertainPose, config: MotionConfig) -> GatedMatch:
-        """Return a match that another odometry had no part in, and whether it contradicts that odometry."""
-        is_rejected = self.is_plausible and fuse(expected, self.measured)[1] > config.motion_gate_chi2
-        return self._replace(is_prior_rejected=is_rejected, is_by_last_motion=True)
-
     @property
     def is_fully_observed(self) -> bool:
         """Whether the match measures all of the motion, with no direction left open."""
@@ -140,9 +135,11 @@ class Matching:
         if not (prediction.is_measured and motion.is_fused):
             return self._gated(reference, current, expected)
         repeated = compose(origin, prediction.repeated)
-        alone = self._gated(reference, current, repeated).made_without(expected, motion)
+        alone = self._gated(reference, current, repeated)
+        is_rejected = alone.is_plausible and fuse(expected, alone.measured)[1] > motion.motion_gate_chi2
+        alone = alone._replace(is_prior_rejected=is_rejected, is_by_last_motion=True)
         is_sure = alone.is_fully_observed and alone.is_plausible
-        if is_sure and not alone.is_prior_rejected:
+        if is_sure and not is_rejected:
             return alone
         guided = self._gated(reference, current, expected, repeated)
         if is_sure:
@@ -154,7 +151,7 @@ class Matching:
     ) -> GatedMatch:
         """Return a match made from where a sensor may be that moved unseen, compared with what is expected."""
         motion = self.config.motion
-        around = compose(origin, prediction.inflated(motion))
+        around = compose(origin, UncertainPose(prediction.motion.pose, motion.recovery_covariance))
         result = self.matcher.match(reference.features, current.features, around)
         return gate(decided_by_expectation(result, around, motion), compose(origin, prediction.motion), motion)
 

@@ -71,12 +71,6 @@ class Prediction(NamedTuple):
     odometry_pose: Pose | None  # (3,): pose of the sensor at this scan by another odometry
     is_missed: bool = False  # whether that is taken not to have been updated since the last scan
 
-    def inflated(self, config: MotionConfig) -> UncertainPose:
-        """Return the motion as it is known after a failed match: what was measured still is."""
-        if self.is_measured:
-            return self.motion
-        return UncertainPose(self.motion.pose, config.recovery_covariance)
-
 
 class MotionModel(NamedTuple):
     """The motion from a scan to the next: expected from the last one, or from another sensor's odometry.
@@ -141,8 +135,8 @@ class MotionModel(NamedTuple):
 
     def updated_without_match(self, prediction: Prediction, motion: UncertainPose) -> MotionModel:
         """Return the model after a scan that nothing matches, and for which `motion` was taken."""
-        moved, n_failures = self._moved(prediction, motion), self.n_failures + 1
-        return self._inflated().advanced(prediction)._replace(moved=moved, last=motion, n_failures=n_failures)
+        model = self.updated(prediction, motion, is_fully_observed=False)
+        return model._replace(n_failures=self.n_failures + 1)
 
     def is_exhausted(self, prediction: Prediction) -> bool:
         """Return whether the last motion has been repeated so often that one more failure ends it."""

@@ -10,11 +10,11 @@ from typing import NamedTuple
 from curvescan.matchers import MatchResult, PreparedScan
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
-from curvescan.odometry.measurement import GatedMatch, Matching
+from curvescan.odometry.measurement import Matching
 from curvescan.odometry.motion_model import MotionModel, Prediction
 from curvescan.odometry.step import StepOutcome
 from curvescan.scan import LaserScan
-from curvescan.se2.uncertain import UncertainPose, between, compose, identity
+from curvescan.se2.uncertain import UncertainPose, between, compose
 from curvescan.types import Pose
 
 
@@ -81,16 +81,6 @@ class State(NamedTuple):
     score: float = math.nan  # of the match that placed the last scan; NaN where none did
 
 
-class Attempt(NamedTuple):
-    """The better of the matches with the keyframe in use and with the previous scan."""
-
-    last: Localization  # where the previous scan is
-    gated: GatedMatch  # the match
-    outcome: StepOutcome  # MATCHED with the keyframe, CHAINED with the previous scan
-    reference: PreparedScan  # the one it was matched with
-    origin: UncertainPose  # the last scan seen from it
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Observation:
     """A scan with all that is known before it is placed."""
@@ -134,30 +124,3 @@ class Placement(NamedTuple):
     is_prior_rejected: bool = False  # whether another odometry was left out because the match contradicts it
     reference: int | None = None  # number of the scan it was matched with
     is_reference: bool = True  # whether the next scan may be matched with this one
-
-
-def try_references(observation: Observation, last: Localization) -> Attempt:
-    """Return the match with the keyframe in use or, where that leaves doubt and it does better, the previous scan.
-
-    Where neither shows the scan near the expected motion, the last one is tried as far around as a sensor moves unseen:
-    a robot stops, or begins to turn, at once.
-    """
-    matching, previous = observation.matching, observation.state.previous
-    current, prediction = observation.current, observation.prediction
-    rules = matching.config.keyframes
-    attempt = nearest = Attempt(
-        last=last,
-        gated=matching.match(last.keyframe.scan, current, last.pose_keyframe_scan, prediction),
-        outcome=StepOutcome.MATCHED,
-        reference=last.keyframe.scan,
-        origin=last.pose_keyframe_scan,
-    )
-    if attempt.gated.is_confident(rules.min_score):
-        return attempt
-    if previous is not None and previous is not attempt.reference:
-        second = matching.match(previous, current, identity(), prediction)
-        nearest = attempt._replace(gated=second, outcome=StepOutcome.CHAINED, reference=previous, origin=identity())
-        attempt = nearest if second.is_better_than(attempt.gated, rules.min_score) else attempt
-    if attempt.gated.is_accepted(rules.least_score) or prediction.is_measured or not matching.config.motion.is_fused:
-        return attempt
-    return nearest._replace(gated=matching.match_around(nearest.reference, current, nearest.origin, prediction))

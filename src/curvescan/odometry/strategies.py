@@ -15,18 +15,27 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
-from curvescan.matchers import PreparedScan
+from curvescan.matchers import MatchResult, PreparedScan
 from curvescan.odometry.config import KeyframesConfig
 from curvescan.odometry.gaps import open_gap, question_link, settle_gap, with_keyframe
 from curvescan.odometry.measurement import GatedMatch
-from curvescan.odometry.observation import Attempt, Keyframe, Localization, Observation, Placement, try_references
+from curvescan.odometry.observation import Keyframe, Localization, Observation, Placement
 from curvescan.odometry.step import StepOutcome
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 
 
-def place(observation: Observation) -> Placement:
+class _Attempt(NamedTuple):
+    """The better of the matches with the keyframe in use and with the previous scan."""
+
+    gated: GatedMatch  # the match
+    outcome: StepOutcome  # MATCHED with the keyframe, CHAINED with the previous scan
+    keyframe: Keyframe  # the one it was matched with
+    origin: UncertainPose  # the last scan seen from it
+
+
+def place(o: Observation) -> Placement:
     """Return where a scan is."""
-    o, last = observation, observation.state.localization
+    last = o.state.localization
     if last is None:
         keyframe = Keyframe(scan=o.current, index=o.index, pose_map_keyframe=identity())
         return Placement(
@@ -36,19 +45,43 @@ def place(observation: Observation) -> Placement:
             motion=o.state.motion.advanced(o.prediction),
             step_motion=identity(),
         )
-    attempt = try_references(o, last)
-    return _track(o, attempt) or _extrapolate(o, attempt)
+    attempt = _try_references(o, last)
+    return _track(o, last, attempt) or _extrapolate(o, last, attempt.gated.result)
 
 
-def _track(o: Observation, attempt: Attempt) -> Placement | None:
+def _try_references(o: Observation, last: Localization) -> _Attempt:
+    """Return the match with the keyframe in use or, where that leaves doubt and it does better, the previous scan.
+
+    Where neither shows the scan near the expected motion, the last one is tried as far around as a sensor moves unseen:
+    a robot stops, or begins to turn, at once.
+    """
+    matching, previous = o.matching, o.state.previous
+    current, prediction = o.current, o.prediction
+    rules = matching.config.keyframes
+    attempt = nearest = _Attempt(
+        gated=matching.match(last.keyframe.scan, current, last.pose_keyframe_scan, prediction),
+        outcome=StepOutcome.MATCHED,
+        keyframe=last.keyframe,
+        origin=last.pose_keyframe_scan,
+    )
+    if attempt.gated.is_confident(rules.min_score):
+        return attempt
+    if previous is not None and previous is not last.keyframe.scan:
+        second = matching.match(previous, current, identity(), prediction)
+        keyframe = last.as_keyframe(previous, o.index - 1, rules.variance_retained)
+        nearest = _Attempt(gated=second, outcome=StepOutcome.CHAINED, keyframe=keyframe, origin=identity())
+        attempt = nearest if second.is_better_than(attempt.gated, rules.min_score) else attempt
+    if attempt.gated.is_accepted(rules.least_score) or prediction.is_measured or not matching.config.motion.is_fused:
+        return attempt
+    return nearest._replace(gated=matching.match_around(nearest.keyframe.scan, current, nearest.origin, prediction))
+
+
+def _track(o: Observation, last: Localization, attempt: _Attempt) -> Placement | None:
     """Return where the keyframe in use or the previous scan shows a scan; None where neither does."""
     config = o.config.keyframes
     if not attempt.gated.is_accepted(config.least_score):
         return None
-    keyframe = attempt.last.keyframe
-    if attempt.outcome is StepOutcome.CHAINED:
-        keyframe = attempt.last.as_keyframe(attempt.reference, o.index - 1, config.variance_retained)
-    sweep = _with_better_sweep(o, attempt, keyframe)
+    keyframe, sweep = attempt.keyframe, _with_better_sweep(o, attempt)
     if sweep.first is not None:
         keyframe = replace(keyframe, scan=sweep.first)
     gated, result = sweep.gated, sweep.gated.result
@@ -72,7 +105,7 @@ def _track(o: Observation, attempt: Attempt) -> Placement | None:
         is_prior_rejected=gated.is_prior_rejected,
         reference=keyframe.index,
     )
-    questioned = question_link(o, placement, attempt.last)
+    questioned = question_link(o, placement, last)
     if questioned is not None:
         return questioned
     settled = settle_gap(o, placement)
@@ -81,9 +114,8 @@ def _track(o: Observation, attempt: Attempt) -> Placement | None:
     return with_keyframe(o, settled)
 
 
-def _extrapolate(o: Observation, attempt: Attempt) -> Placement:
+def _extrapolate(o: Observation, last: Localization, failed: MatchResult) -> Placement:
     """Return where the expected motion leads; the scan becomes the next reference if it can be one."""
-    last, failed = attempt.last, attempt.gated.result
     is_held = o.state.motion.is_exhausted(o.prediction)
     motion = UncertainPose(np.zeros(3), o.prediction.motion.cov) if is_held else o.prediction.motion
     gap = o.state.gap or open_gap(o, last)
@@ -119,7 +151,7 @@ class _Sweep(NamedTuple):
     first: PreparedScan | None = None
 
 
-def _with_better_sweep(o: Observation, attempt: Attempt, keyframe: Keyframe) -> _Sweep:
+def _with_better_sweep(o: Observation, attempt: _Attempt) -> _Sweep:
     """Return the match once more where it found a motion that deskews the sweep better than the expected one."""
     gated = attempt.gated
     if not o.config.deskew or o.scan.time_increment == 0.0:
@@ -127,7 +159,7 @@ def _with_better_sweep(o: Observation, attempt: Attempt, keyframe: Keyframe) -> 
     found = se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose)
     if not o.deskewer.is_worth_again(o.scan, o.prediction.motion.pose, found):
         return _Sweep(gated, o.current)
-    better, reference, first = o.prepared(found), keyframe.scan, None
+    better, reference, first = o.prepared(found), attempt.keyframe.scan, None
     if o.state.first is not None:  # its velocity was not known
         reference = first = o.matching.prepare(o.deskewer.deskewed(o.state.first, found))
     again = o.matching.match(reference, better, attempt.origin, o.prediction)

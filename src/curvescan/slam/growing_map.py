@@ -32,18 +32,17 @@ _NEARBY = 6.0
 
 
 class Solution(NamedTuple):
-    """A pose graph solved, and what it then knows of the keyframe that scans hang on."""
+    """A pose graph solved, and what it then knows of the keyframe that scans hang on, its last."""
 
     graph: PoseGraph
-    current: int
-    covariances: Cov  # (n, 3, 3): of each keyframe, with the current one known exactly
+    covariances: Cov  # (n, 3, 3): of each keyframe, with the last one known exactly
 
 
-def solve(graph: PoseGraph, current: int, noise: NoiseConfig, is_last: bool) -> Solution:
+def solve(graph: PoseGraph, noise: NoiseConfig, is_last: bool) -> Solution:
     """Move a pose graph, a copy, to its robust optimum, and return it; the heavy parts release Python's lock."""
     optimum = optimized(graph, weights=graph.weights, least_convexity=0.0 if is_last else _NEARBY)
     graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
-    return Solution(graph, current, covariances_seen_from(graph, current, noise))
+    return Solution(graph, covariances_seen_from(graph, graph.n_poses - 1, noise))
 
 
 class GrowingMap:
@@ -54,9 +53,9 @@ class GrowingMap:
         self.keyframes = keyframes
         self.graph = PoseGraph()
         self.gone: list[Heir] = []  # keyframes that went, in their order
-        self.current = 0  # the newest keyframe
-        self.since = identity()  # it, seen from the newest one of the belief
+        self.since = identity()  # the newest keyframe, seen from the last one of the belief
         self.fragments: list[int] = []  # of each keyframe
+        self._session = 0
         self._open_way = 0.0  # since a match of keyframes measured all of the motion, metres
         self.belief: Belief  # what the graph knew after the last optimization, once there is a keyframe
         self._steps: list[UncertainPose] = []  # of the graph: each keyframe seen from the one before it
@@ -66,18 +65,18 @@ class GrowingMap:
         """Take a map to continue."""
         for k, scan in enumerate(slam_map.scans):
             self.keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
+        self._session = slam_map.n_sessions
         self.graph = slam_map.graph()
         self._steps = steps_of(self.graph)
         self.fragments = components(self.graph.ends, self.graph.n_poses).tolist()
 
-    def start(self, scan: LaserScan, index: int, pose: Pose, session: int) -> int:
+    def start(self, scan: LaserScan, index: int, pose: Pose) -> int:
         """Begin a fragment: take a keyframe that nothing ties to those before it, and return its row."""
-        k = self.keyframes.add(scan, index, session)
+        k = self.keyframes.add(scan, index, self._session)
         self.graph.add_pose(pose)
         self._steps.append(UncertainPose(np.zeros(3), LOST_COVARIANCE.copy()))
         self.fragments.append(max(self.fragments, default=-1) + 1)
-        self.belief, self._chain = Belief.at_start(k, self.graph.poses), None
-        self.current, self.since = k, identity()
+        self.belief, self._chain, self.since = Belief.at_start(self.graph.poses), None, identity()
         return k
 
     def append(self, scan: LaserScan, index: int, motion: UncertainPose) -> int:
@@ -86,8 +85,8 @@ class GrowingMap:
         The match of both counts in the directions that it measures, the odometry's motion in the others; where the two
         contradict each other the motion counts, and is as uncertain as they differ.
         """
-        noise, before = self.config.noise, self.current
-        k = self.keyframes.add(scan, index, self.keyframes[before].session)
+        noise, k = self.config.noise, self.keyframes.add(scan, index, self._session)
+        before = k - 1
         self.fragments.append(self.fragments[before])
         step = noise.slipped(motion, self._open_way)
         self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
@@ -106,15 +105,15 @@ class GrowingMap:
         self.graph.add_pose(se2.compose(self.graph.poses[before], step.pose))
         self.graph.add_edge(before, k, step.pose, step.cov, kind)
         self._steps.append(step)
-        self.current, self.since = k, compose(self.since, step)
+        self.since = compose(self.since, step)
         return k
 
-    def along(self, i: int, j: int) -> UncertainPose:
-        """Return keyframe j seen from an earlier one along the keyframes between them."""
+    def along(self, i: int) -> UncertainPose:
+        """Return the newest keyframe seen from an earlier one along the keyframes between them."""
         way = identity()
-        for step in self._steps[i + 1 : j + 1]:
+        for step in self._steps[i + 1 :]:
             way = compose(way, step)
-        return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[j]), way.cov)
+        return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[-1]), way.cov)
 
     def chain(self) -> Chain:
         """Return the keyframes; those since the last optimization lie along the odometry, as if no loop had closed."""
@@ -134,9 +133,9 @@ class GrowingMap:
         if i >= self.belief.n or j < self.belief.n:
             return
         by_closure = compose(inverse(self.belief.last_seen_from(i)), UncertainPose(closure.pose, closure.covariance))
-        self.since, _ = fuse(self.since, compose(by_closure, self.along(j, self.current)))
-        here = se2.compose(self.graph.poses[self.belief.k], self.since.pose)
-        onward = se2.between(self.graph.poses[self.current], self.graph.poses[j:])
+        self.since, _ = fuse(self.since, compose(by_closure, self.along(j)))
+        here = se2.compose(self.graph.poses[self.belief.n - 1], self.since.pose)
+        onward = se2.between(self.graph.poses[-1], self.graph.poses[j:])
         self.graph.poses[j:] = se2.compose(here, onward)
 
     def _join(self, closure: Closure) -> None:
@@ -155,20 +154,19 @@ class GrowingMap:
 
     def adopt(self, solution: Solution) -> None:
         """Take the poses of an optimization; keyframes that came since move along with the one they hang on."""
-        solved, k, covariances = solution
+        solved, covariances = solution
         n = solved.n_poses
-        later = se2.between(self.graph.poses[k], self.graph.poses[n:])
-        self.since = self.along(k, self.current)
+        later = se2.between(self.graph.poses[n - 1], self.graph.poses[n:])
+        self.since = self.along(n - 1)
         self.graph.poses[:n] = solved.poses
-        self.graph.poses[n:] = se2.compose(solved.poses[k], later)
+        self.graph.poses[n:] = se2.compose(solved.poses[-1], later)
         self.graph.weights[: len(solved.weights)] = solved.weights
-        self.belief, self._chain = Belief.of(k, solved.poses, covariances), None
+        self.belief, self._chain = Belief.of(solved.poses, covariances), None
 
     def thin(self) -> tuple[Bools, set[int]]:
         """Let the oldest keyframes of places that hold too many go; return which rows stay, and the others' numbers."""
-        rules, belief = self.config.places, self.belief
-        n_settled = min(belief.k, belief.n)
-        is_kept, gone = thin(self.graph, np.asarray(self.fragments), n_settled, rules)
+        n = self.belief.n
+        is_kept, gone = thin(self.graph, np.asarray(self.fragments), n - 1, self.config.places)
         numbers = self.keyframes.numbers.tolist()
         for v, (heir, seen) in gone.items():
             self.gone.append(Heir(numbers[v], numbers[heir], seen))
@@ -177,15 +175,14 @@ class GrowingMap:
             self.keyframes.keep(is_kept)
             self._steps = steps_of(self.graph)
             self.fragments = np.array(self.fragments)[is_kept].tolist()
-            self.belief, self._chain = belief.kept(is_kept[: belief.n]), None
-            self.current = int(np.count_nonzero(is_kept[: self.current]))
+            self.belief, self._chain = self.belief.kept(is_kept[:n]), None
         return is_kept, {numbers[v] for v in gone}
 
     def current_in_map(self) -> UncertainPose:
         """Return where the newest keyframe is in the map."""
         from_first = compose(self.belief.last_seen_from(0), self.since)
         in_map = compose(UncertainPose(self.graph.poses[0], np.zeros((3, 3))), from_first)
-        return UncertainPose(self.graph.poses[self.current], in_map.cov)
+        return UncertainPose(self.graph.poses[-1], in_map.cov)
 
     def covariances(self) -> Cov:
         """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly."""

@@ -72,7 +72,7 @@ class LoopSearch:
         growing, keyframes = self._map, self._map.keyframes
         for i in range(max(k - N_LINKED, 0), k - 1):
             if growing.fragments[i] == growing.fragments[k]:
-                self._queue.append(Candidate(i, k, growing.along(i, k).cov))
+                self._queue.append(Candidate(i, k, growing.along(i).cov))
         poses, similarity = growing.graph.poses, keyframes.index.similarity(keyframes.signature(keyframes.prepared(k)))
         # what is known of a relative pose is costly: not of what lies afar and looks different
         rows = (similarity >= _MIN_SIMILARITY) | (np.hypot(*(poses[:, :2] - poses[k, :2]).T) < _FARTHEST)

@@ -83,11 +83,8 @@ class Slam:
         self.keyframes = Keyframes(self.odometry.matcher)
         self._map = GrowingMap(self.keyframes, self.config)
         self._search = LoopSearch(self._map, self.config)
-        self._session = 0
         if map is not None:
-            begun = as_map(map)
-            self._map.load(begun)
-            self._session = begun.n_sessions
+            self._map.load(as_map(map))
         self._records = Records()
         self._deskewer = Deskewer()
         self._origin: Step | None = None  # the step of the current keyframe
@@ -150,8 +147,8 @@ class Slam:
             covariance=here.cov,
             closures=tuple(c for c in closures if c.is_loop),
             is_revised=is_revised,
-            keyframe=self.keyframes[self._map.current].number,
-            fragment=self._map.fragments[self._map.current],
+            keyframe=self.keyframes[-1].number,
+            fragment=self._map.fragments[-1],
         )
 
     def _make_keyframe(self, scan: LaserScan, step: Step, seen: UncertainPose) -> UncertainPose:
@@ -164,7 +161,7 @@ class Slam:
     def _begin_fragment(self, scan: LaserScan, step: Step, pose: Pose) -> UncertainPose:
         """Begin, or begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
         self._adopt()
-        k = self._map.start(scan, step.index, pose, self._session)
+        k = self._map.start(scan, step.index, pose)
         if k > 0:
             self._search.enqueue(k)
         return self._hang_on(k, step, None)
@@ -191,7 +188,7 @@ class Slam:
 
     def _begin_job(self, *, is_last: bool = False) -> Future[Solution]:
         self._search.is_urgent = False
-        return self._beside.submit(solve, deepcopy(self.graph), self._map.current, self.config.noise, is_last)
+        return self._beside.submit(solve, deepcopy(self.graph), self.config.noise, is_last)
 
     def _adopt(self) -> None:
         """Take the result of the optimization under way, if one is."""

@@ -1,4 +1,4 @@
-"""What the graph knows at one time: how its newest keyframe lies to each, with covariances.
+"""What the graph knows at one time: how its last keyframe lies to each, with covariances.
 
 Made by an optimization and used until the next: keyframes that came since hang on the last one it knew by the odometry
 alone.
@@ -18,26 +18,25 @@ from curvescan.types import Bools, Cov, Ints, Pose
 
 
 class Belief(NamedTuple):
-    """Keyframe k as each of the n keyframes of an optimization saw it."""
+    """The last of the n keyframes of an optimization as each saw it."""
 
-    k: int
     relative: Pose  # (n, 3)
     covariances: Cov  # (n, 3, 3)
 
     @classmethod
-    def of(cls, k: int, poses: Pose, covariances: Cov) -> Belief:
-        """Return what is known of keyframe k by the (n, 3) poses and their (n, 3, 3) covariances, with k's zero."""
-        relative = se2.between(poses, poses[k])
+    def of(cls, poses: Pose, covariances: Cov) -> Belief:
+        """Return what is known of the last keyframe by (n, 3) poses and (n, 3, 3) covariances, its own zero."""
+        relative = se2.between(poses, poses[-1])
         # by the pose that sees: d/dx_i of R_i^T (t_k - t_i)
         jac = -affines(-poses[:, 2], -relative[:, 1], relative[:, 0])
-        return cls(k, relative, carried(covariances, jac))
+        return cls(relative, carried(covariances, jac))
 
     @classmethod
-    def at_start(cls, k: int, poses: Pose) -> Belief:
-        """Return what is known of keyframe k, the last one, where nothing ties it to those before it."""
+    def at_start(cls, poses: Pose) -> Belief:
+        """Return what is known of the last keyframe where nothing ties it to those before it."""
         covariances = np.tile(LOST_COVARIANCE, (len(poses), 1, 1))
-        covariances[k] = 0.0
-        return cls.of(k, poses, covariances)
+        covariances[-1] = 0.0
+        return cls.of(poses, covariances)
 
     @property
     def n(self) -> int:
@@ -45,11 +44,11 @@ class Belief(NamedTuple):
         return len(self.relative)
 
     def kept(self, is_kept: Bools) -> Belief:
-        """Return what is known without some of the keyframes."""
-        return Belief(int(np.count_nonzero(is_kept[: self.k])), self.relative[is_kept], self.covariances[is_kept])
+        """Return what is known without some of the keyframes before the last."""
+        return Belief(self.relative[is_kept], self.covariances[is_kept])
 
     def last_seen_from(self, i: int) -> UncertainPose:
-        """Return keyframe k seen from another."""
+        """Return the last keyframe seen from another."""
         return UncertainPose(self.relative[i], self.covariances[i])
 
     def seen_from(self, rows: Ints, poses: Pose, since: UncertainPose) -> tuple[Pose, Cov]:

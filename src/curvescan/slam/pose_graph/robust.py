@@ -32,24 +32,21 @@ class RobustOptimum(NamedTuple):
     distances: Floats  # (m,): squared Mahalanobis distance of each edge
 
 
-def optimize_robustly(
-    poses: Pose,
-    edges: Edges,
-    least: Floats,
-    limits: Floats | float = GATE,
-    *,
-    weights: Floats | None = None,
-    least_convexity: float = 0.0,
-) -> RobustOptimum:
-    """Return the poses that most of the edges agree on, and which edges do; the first of each component stays.
+def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: float = 0.0) -> RobustOptimum:
+    """Return the poses that most edges of a graph agree on, and which edges do; the first of each component stays.
 
-    poses (n, 3); least (m,): weight that each edge keeps; limits (m,): squared distance beyond which each loses it;
-    weights (m,): to begin with; None for 1.
+    A closure beyond the gate may be a false match. A step that slipped may lead anywhere, which is as much less likely
+    as it is narrow: else one step takes all of what a long way errs by.
+
+    weights (m,): to begin with; None for all edges in full.
     """
-    m = len(edges.ends)
-    weights = np.ones(m) if weights is None else np.maximum(weights, least)
-    elimination = Elimination.of(edges.ends, len(poses))
-    poses = _optimum(poses, edges, weights, elimination)
+    edges, least = Edges.of(graph.ends, graph.measured, graph.edge_covariances), graph.least_weights
+    spread = graph.edge_covariances[:, :2, :2]
+    anywhere = np.linalg.det(spread + ANYWHERE_M**2 * np.eye(2)) / np.linalg.det(spread)
+    limits = GATE + np.where(graph.is_closure, 0.0, np.log(anywhere))
+    weights = np.ones(len(edges.ends)) if weights is None else np.maximum(weights, least)
+    elimination = Elimination.of(edges.ends, graph.n_poses)
+    poses = _optimum(graph.poses, edges, weights, elimination)
     distances = squared_distances(poses, edges)
     worst = (distances / limits).max(initial=0.0)
     convexity = max(1.0 / max(2.0 * worst - 1.0, 1e-12), least_convexity)
@@ -78,18 +75,3 @@ def _optimum(poses: Pose, edges: Edges, weights: Floats, elimination: Eliminatio
     # a session that hangs on closures alone may come loose
     anchors = first_of_each(components(edges.ends[used], len(poses)))
     return optimize(poses, edges.chosen(used), weights[used], anchors, elimination)
-
-
-def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: float = 0.0) -> RobustOptimum:
-    """Return the robust optimum of a graph, begun with some weights; None for all edges in full.
-
-    A closure beyond the gate may be a false match. A step that slipped may lead anywhere, which is as much less likely
-    as it is narrow: else one step takes all of what a long way errs by.
-    """
-    edges = Edges.of(graph.ends, graph.measured, graph.edge_covariances)
-    spread = graph.edge_covariances[:, :2, :2]
-    anywhere = np.linalg.det(spread + ANYWHERE_M**2 * np.eye(2)) / np.linalg.det(spread)
-    limits = GATE + np.where(graph.is_closure, 0.0, np.log(anywhere))
-    return optimize_robustly(
-        graph.poses, edges, graph.least_weights, limits, weights=weights, least_convexity=least_convexity
-    )
