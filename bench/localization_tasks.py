@@ -67,7 +67,7 @@ class LocalizationTask:
 
     def shown(self, k: int) -> float:
         """Return the share of the readings of a scan that end on walls of the map."""
-        return self.field.agreement(points_of(self.scans[k]), self.poses[k]).on_wall
+        return self.field.shares(points_of(self.scans[k]), self.poses[k])[0]
 
     def seen_from(self, keyframe: int, k: int) -> Pose:
         """Return the pose of a scan in the frame of the map by one keyframe: how maps bend elsewhere does not matter."""
@@ -81,7 +81,7 @@ class LocalizationTask:
             return pose
         points = points_of(self.scans[k])
         moved = refined_poses(self.field, pose[np.newaxis], thinned(points))[0]
-        gain = self.field.agreement(points, moved).score - self.field.agreement(points, pose).score
+        gain = self.field.agreement(points, moved) - self.field.agreement(points, pose)
         is_near = np.hypot(*(moved - pose)[:2]) < _FIT_M
         return moved if gain > _FIT_GAIN and is_near else pose
 

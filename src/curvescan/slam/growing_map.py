@@ -163,8 +163,8 @@ class GrowingMap:
         self.graph.weights[: len(solved.weights)] = solved.weights
         self.belief, self._chain = Belief.of(solved.poses, covariances), None
 
-    def thin(self) -> tuple[Bools, set[int]]:
-        """Let the oldest keyframes of places that hold too many go; return which rows stay, and the others' numbers."""
+    def thin(self) -> Bools:
+        """Let the oldest keyframes of places that hold too many go, and return which rows stayed."""
         n = self.belief.n
         is_kept, gone = thin(self.graph, np.asarray(self.fragments), n - 1, self.config.places)
         numbers = self.keyframes.numbers.tolist()
@@ -176,7 +176,7 @@ class GrowingMap:
             self._steps = steps_of(self.graph)
             self.fragments = np.array(self.fragments)[is_kept].tolist()
             self.belief, self._chain = self.belief.kept(is_kept[:n]), None
-        return is_kept, {numbers[v] for v in gone}
+        return is_kept
 
     def current_in_map(self) -> UncertainPose:
         """Return where the newest keyframe is in the map."""

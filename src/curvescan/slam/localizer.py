@@ -174,7 +174,7 @@ class Localizer:
         now = expected
         if hits:
             now, _ = fuse(self._matching.seen_from(expected, fix.keyframe, hits[0]), fused(hits))
-        fit = field.agreement(points, now.pose).score
+        fit = field.agreement(points, now.pose)
         view = said(contour_length(points), fit).by_walls
         prior = float(self._search.known(self._prior, now.pose[np.newaxis])[0])
         if hits and fit > 0.0 and (alone is None or alone.is_best(now.pose, view + prior)):
@@ -203,7 +203,7 @@ class Localizer:
         here = fused(hits)
         # unless the map does not agree with its own keyframes there
         worse = max(WORSE, matching.misfit(hits[0].keyframe))
-        fit, least = (matching.field.agreement(points, pose).score for pose in (here.pose, place.pose))
+        fit, least = (matching.field.agreement(points, pose) for pose in (here.pose, place.pose))
         is_worse = fit < max(0.0, least - worse)
         return [] if is_worse or matching.is_open(here) or not is_same(place.pose, here.pose) else hits
 

@@ -129,21 +129,21 @@ class LoopSearch:
             found.append((group, lead_of(pool, members, growing.chain(), self.config, 0.0)))
         return found
 
-    def reopen(self, audited: list[tuple[list[Closure], float]]) -> bool:
+    def reopen(self) -> bool:
         """Accept what contradicts the map by matches that say all they can together; return whether any of it is new.
 
         By less false ones lead as well: a map that is right would be bent for good.
         """
         graph, least = self._map.graph, MOST_LOG_ODDS - self.config.closures.log_odds
         tied = set(map(tuple, graph.ends[graph.is_closure].tolist()))
-        new = [one for group, lead in audited if lead > least for one in group if (one.i, one.j) not in tied]
+        new = [one for group, lead in self.audit() if lead > least for one in group if (one.i, one.j) not in tied]
         for one in new:
             self._accept(replace(one, outcome=ClosureOutcome.AGREED))
         return len(new) > 0
 
-    def contradictions(self, audited: list[tuple[list[Closure], float]]) -> list[Contradiction]:
-        """Return what contradicts the map as it was audited, of what is likelier than the closures against it."""
-        likely = [group for group, log_odds in audited if log_odds > 0.0]
+    def contradictions(self) -> list[Contradiction]:
+        """Return what contradicts the map, of what is likelier than the closures against it."""
+        likely = [group for group, log_odds in self.audit() if log_odds > 0.0]
         return contradictions(likely, self._map.graph.poses, self._map.keyframes.numbers)
 
     def _try(self, candidate: Candidate, index: int) -> list[Closure]:
@@ -199,9 +199,10 @@ class LoopSearch:
         del self.closures[:-_N_LOGGED]
         return record
 
-    def renumber(self, is_kept: Bools, gone: set[int]) -> None:
-        """Count the keyframes anew after some went; is_kept: which rows stay; gone: numbers of the others."""
-        self._tried = {pair for pair in self._tried if gone.isdisjoint(pair)}
+    def renumber(self, is_kept: Bools) -> None:
+        """Count the keyframes anew after some went; is_kept: which rows stayed."""
+        numbers = set(self._map.keyframes.numbers.tolist())
+        self._tried = {pair for pair in self._tried if numbers.issuperset(pair)}
         at = np.where(is_kept, np.cumsum(is_kept) - 1, -1).tolist()
         self._queue = deque(Candidate(at[c.i], at[c.j], c.covariance) for c in self._queue if at[c.i] >= 0)
         self._pool = [replace(c, i=at[c.i], j=at[c.j]) for c in self._pool if at[c.i] >= 0 and at[c.j] >= 0]

@@ -178,7 +178,7 @@ class Slam:
         is_revised = self._job is not None and self._n_scans >= self._job_due
         if is_revised:
             self._adopt()
-            self._search.renumber(*self._map.thin())
+            self._search.renumber(self._map.thin())
         if self._job is None:
             n_known = self._map.belief.n
             is_grown = self.graph.n_poses - n_known >= max(_N_LEAST, _GROWTH * n_known)
@@ -205,13 +205,10 @@ class Slam:
             for _ in range(_N_PASSES):
                 self._search.densify(self._n_scans, beside)
                 self._settle()
-                audited = self._search.audit()
-                if not self._search.reopen(audited):
+                if not self._search.reopen():
                     break
                 self._settle()
-            else:
-                audited = self._search.audit()
-            self.contradictions = tuple(self._search.contradictions(audited))
+            self.contradictions = tuple(self._search.contradictions())
         return self.trajectory()
 
     def _settle(self) -> None:

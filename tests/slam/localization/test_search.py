@@ -174,7 +174,7 @@ def test_support_is_carried_on_by_the_motion(stored: SlamMap, field: DistanceFie
 def test_a_view_of_little_says_little(stored: SlamMap, field: DistanceField) -> None:
     pose = se2.between(lap()[0], lap()[20])
     points = _points(scans(lap()[20:21], seed=2)[0])
-    fit = field.agreement(points, pose).score
+    fit = field.agreement(points, pose)
     whole, part = contour_length(points), contour_length(points[:30])
     assert said(whole, fit).by_walls > 0.2
     assert said(part, fit).by_walls < 0.5 * said(whole, fit).by_walls

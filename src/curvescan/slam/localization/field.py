@@ -37,19 +37,6 @@ _FREE = 0.5 * (_WORN + 0.5)
 """One look through a cell where nothing ends shows it free."""
 
 
-class Agreement(NamedTuple):
-    """What the readings of a scan say of a pose in the map, shares of all of them."""
-
-    on_wall: float
-    new: float
-    through: float
-
-    @property
-    def score(self) -> float:
-        """What speaks for the pose less what speaks against it, in [-2, 1]."""
-        return self.on_wall - (self.new + self.through)
-
-
 class DistanceField(NamedTuple):
     """Cells of a map."""
 
@@ -67,9 +54,15 @@ class DistanceField(NamedTuple):
         cells = np.argwhere(is_place)[:, ::-1] * stride + half
         return self.origin + self.resolution * (cells + 0.5)
 
-    def agreement(self, points: Points, pose: Floats) -> Agreement:
-        """Return what the valid readings of a scan, (n, 2) in its own frame, say of a pose."""
-        return Agreement(*(n / max(len(points), 1) for n in _counts(self, points, pose)))
+    def shares(self, points: Points, pose: Floats) -> tuple[float, float, float]:
+        """Return shares of the readings of a scan, (n, 2): that end on walls, end in free space, and pass walls."""
+        on_wall, new, through = (n / max(len(points), 1) for n in _counts(self, points, pose))
+        return on_wall, new, through
+
+    def agreement(self, points: Points, pose: Floats) -> float:
+        """Return what readings of a scan, (n, 2) in its own frame, say for a pose, less what against it, in [-2, 1]."""
+        on_wall, new, through = self.shares(points, pose)
+        return on_wall - (new + through)
 
 
 def points_of(scan: LaserScan) -> Points:

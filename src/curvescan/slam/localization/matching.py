@@ -122,7 +122,7 @@ class MapMatcher:
         if len(hits) < 2:
             return hits
         # by how much less the map agrees with the scan there than with the keyframe itself
-        fits = [self.field.agreement(points, hit.here.pose).score for hit in hits]
+        fits = [self.field.agreement(points, hit.here.pose) for hit in hits]
         missing = [1.0 - self.misfit(hit.keyframe) - fit for hit, fit in zip(hits, fits, strict=True)]
         first = hits[int(np.argmax([SCORE * hit.score - m for hit, m in zip(hits, missing, strict=True)]))]
         others = [hit._replace(here=self.seen_from(hit.here, first.keyframe, hit)) for hit in hits if hit is not first]
@@ -145,13 +145,13 @@ class MapMatcher:
         """Return whether the map agrees less with a scan that is shifted along what a pose leaves open."""
         along = np.linalg.eigh(here.cov[:2, :2])[1][:, 1]
         shift = np.array([*(STEP_M * along), 0.0])
-        most = max(self.field.agreement(points, place + way * shift).score for way in (-1.0, 1.0))
-        return most <= self.field.agreement(points, place).score - WORSE
+        most = max(self.field.agreement(points, place + way * shift) for way in (-1.0, 1.0))
+        return most <= self.field.agreement(points, place) - WORSE
 
     def misfit(self, k: int) -> float:
         """Return how much of a keyframe's own scan the map does not agree with: a lot where the map is bent."""
         if k not in self._misfits:
-            self._misfits[k] = 1.0 - self.field.agreement(points_of(self._map.scans[k]), self._map.poses[k]).score
+            self._misfits[k] = 1.0 - self.field.agreement(points_of(self._map.scans[k]), self._map.poses[k])
         return self._misfits[k]
 
     def in_map(self, here: UncertainPose, keyframe: int) -> tuple[UncertainPose, Cov]:

@@ -140,7 +140,7 @@ class MapSearch:
                 continue
             # a match with a keyframe tells more than the walls of a map that is bent, or has changed
             score = max((hit.score for hit in matched if is_same(hit.here.pose, pose)), default=0.0)
-            fit = self.field.agreement(points, pose).score
+            fit = self.field.agreement(points, pose)
             view = said(contour, fit, score)
             # the sensor may have come into the map with the view before, where it was expected also with this one
             least = 0.0 if likely > 0.0 else -_MOST_AGAINST
