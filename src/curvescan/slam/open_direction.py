@@ -16,16 +16,23 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Floats, Ints, Points, Pose
 
-_APART_M, _FLAT = 0.05, 0.01
-"""Readings farther apart across an open direction are of different walls, metres; a wall has less variance across than
-this share of that along."""
+_APART_M = 0.05
+"""Readings farther apart across an open direction are of different walls, metres."""
+
+_FLAT = 0.01
+"""A wall has less variance across than this share of that along."""
 
 _SHIFTS = _APART_M * np.arange(-20, 21)
 """Places that are tried, metres along: within a metre of the match."""
 
-_N_WIDEST, _FAR_M, _N_SLOTS = 11, 8, 2048
-"""Places in a row that still count as one, known to 0.3 m; metres beyond which readings say nothing; directions that a
-view has, all around."""
+_N_WIDEST = 11
+"""Places in a row that still count as one, known to 0.3 m."""
+
+_FAR_M = 8
+"""Metres beyond which readings say nothing."""
+
+_N_SLOTS = 2048
+"""Directions that a view has, all around."""
 
 
 def placed(found: UncertainPose, along: Pose, reference: LaserScan, current: LaserScan) -> UncertainPose | None:

@@ -21,11 +21,15 @@ STEP_M = 0.3
 """Places that are tried lie so far from each other, metres; the refinement begins with half of it. Neighbouring
 readings count as no farther from each other."""
 
-_N_HEADINGS, _N_READINGS, _N_REFINED = 96, 48, 400
-"""Headings, and readings of a scan, that are tried; poses that are refined, at most."""
-
+_N_HEADINGS = 96
 STEP_RAD = 2.0 * math.pi / _N_HEADINGS
-"""They lie so far from each other, radians."""
+"""Headings that are tried, and how far they lie from each other, radians."""
+
+_N_READINGS = 48
+"""Readings of a scan that are tried."""
+
+_N_REFINED = 400
+"""Poses that are refined, at most."""
 
 _SAME_M, _SAME_RAD = 0.5, 4.0 * STEP_RAD
 """Poses nearer to each other are one, metres and radians."""

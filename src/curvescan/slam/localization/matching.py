@@ -20,8 +20,7 @@ from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import STEP_M
 from curvescan.slam.localization.field import DistanceField, points_of
-from curvescan.slam.localization.prior import WRONG
-from curvescan.slam.loops.closures import is_certain
+from curvescan.slam.loops.closures import MOST_ODDS, is_certain, log_odds
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Points, Pose
@@ -39,8 +38,11 @@ WORSE = 0.05
 """The map agrees less with one pose than with another where this share of the readings, or more, does, also with a
 match moved a search step along what it leaves open: a corridor has ends and doors that no one keyframe shows."""
 
-_N_FUSED, N_TRIED = 3, 12
-"""Keyframes whose matches are fused, and alike ones, and places, that are tried in detail in a search."""
+_N_FUSED = 3
+"""Keyframes whose matches are fused."""
+
+N_TRIED = 12
+"""Keyframes that look alike, and places, that are tried in detail in a search."""
 
 
 class Hit(NamedTuple):
@@ -177,7 +179,4 @@ def _agree(expected: UncertainPose, hit: Hit) -> bool:
 
 def _weight(confidence: float) -> float:
     """Return what a match of some confidence weighs, by its log odds; a half where the matcher gives none."""
-    if math.isnan(confidence):
-        return 0.5
-    odds = confidence / max(1.0 - confidence, 1e-6)
-    return float(np.clip(math.log(odds) / math.log((1.0 - WRONG) / WRONG), 0.0, 1.0))
+    return 0.5 if math.isnan(confidence) else max(log_odds(confidence) / MOST_ODDS, 0.0)

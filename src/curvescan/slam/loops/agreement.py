@@ -63,7 +63,7 @@ def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
     if not len(members):
         return 0.0
     chosen = [pool[k] for k in members.tolist()]
-    said = np.array([log_odds(c) for c in chosen])
+    said = np.array([log_odds(c.confidence) for c in chosen])
     apart = _apart(chain.poses[np.array([(c.i, c.j) for c in chosen])])
     total, new = 0.0, np.full(len(chosen), _VIEW_M)  # metres from the nearest one that counted
     for k in np.argsort(-said, kind="stable").tolist():

@@ -17,9 +17,11 @@ from curvescan.slam.loops.closures import Closure, difference, expectation_of
 from curvescan.slam.loops.cycles import Chain
 from curvescan.types import Floats, Ints, Pose
 
-_N_KEYFRAMES, N_NEAR = 5, 20
-"""Keyframes whose matches must agree, and between closures that may speak for or against each other: three agreed on a
-good map of Killian, ten and more do on bent ones."""
+_N_KEYFRAMES = 5
+"""Keyframes whose matches must agree: three agreed on a good map of Killian, ten and more do on bent ones."""
+
+N_NEAR = 20
+"""Most keyframes between closures that may speak for or against each other."""
 
 _SURE = 0.9
 """Confidence from which on a match may contradict the finished map: right in 99.9 %."""

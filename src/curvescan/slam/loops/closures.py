@@ -23,11 +23,13 @@ from curvescan.types import Bools, Cov, Pose
 _N_NEIGHBOURS = 10
 """Keyframes that follow each other so closely, about 5 m or 5 rad of way, see the same place without a loop."""
 
-SIGMAS, _ERROR_AFAR = 3.0, 0.03
-"""Standard deviations that a keyframe may lie from where the graph has it; share of the distance by which views from
-afar err, more than they say: 0.1 to 0.2 m at 3 to 5 m on Killian."""
+SIGMAS = 3.0
+"""Standard deviations that a keyframe may lie from where the graph has it."""
 
-_MOST_ODDS = math.log(99.0)
+_ERROR_AFAR = 0.03
+"""Share of the distance by which views from afar err, more than they say: 0.1 to 0.2 m at 3 to 5 m on Killian."""
+
+MOST_ODDS = math.log(99.0)
 """Most that one match says for itself: of matches of a confidence of 0.99 one in a hundred is wrong."""
 
 SLIP: Cov = np.diag([ANYWHERE_M**2, ANYWHERE_M**2, 1.0])
@@ -104,17 +106,17 @@ def closure_of(
     distance = fuse(expected, found)[1]
     expectation = expectation_of(difference(expected.pose, found.pose), expected.cov + found.cov, config)
     tried = replace(tried, covariance=config.noise.edge(found.cov), distance=distance, expectation=expectation)
-    if expectation + log_odds(tried) > config.closures.log_odds:
+    if expectation + log_odds(tried.confidence) > config.closures.log_odds:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
     # neighbours close no loop, views from afar dispute no map, and what leaves a way open agrees with the next room
     may_wait = is_loop(i, j) and not is_far and result.degenerate_direction is None
     return replace(tried, outcome=ClosureOutcome.WAITING if may_wait else ClosureOutcome.UNEXPECTED)
 
 
-def log_odds(closure: Closure) -> float:
+def log_odds(confidence: float) -> float:
     """Return the log odds of a match by its confidence; of one without, even ones."""
-    p = 0.5 if math.isnan(closure.confidence) else closure.confidence
-    return min(math.log(max(p, 1e-6) / max(1.0 - p, 1e-6)), _MOST_ODDS)
+    p = 0.5 if math.isnan(confidence) else confidence
+    return min(math.log(max(p, 1e-6) / max(1.0 - p, 1e-6)), MOST_ODDS)
 
 
 def difference(one: Pose, other: Pose) -> Pose:
