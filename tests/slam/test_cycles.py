@@ -6,7 +6,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, inverse
-from curvescan.slam.loops.cycles import Chain, cycle_distances, gathered_covariances
+from curvescan.slam.loops.cycles import Chain, cycle_distances
 from curvescan.types import Cov, Pose
 
 _SPREAD = np.array([1e-4, 1e-4, 1.6e-5])
@@ -50,7 +50,7 @@ def test_it_is_that_of_composing_and_fusing_the_poses_of_the_cycle() -> None:
     covariances = roots @ roots.transpose(0, 2, 1) + 1e-4 * np.eye(3)
     roots = 0.02 * rng.standard_normal((n_poses, 3, 3))
     motions = roots @ roots.transpose(0, 2, 1)
-    gathered = gathered_covariances(poses, motions)
+    gathered = Chain.of(poses, motions).gathered
     for known, counted in ((np.inf, motions), (0.0, 0.0 * motions)):
         given, rows = (ends, (measured, covariances), Chain(poses, gathered)), np.arange(n)
         found = cycle_distances(*given, (rows, rows), _SPREAD, 0.5, known)

@@ -13,7 +13,7 @@ from curvescan.slam import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
-from curvescan.slam.loops.cycles import gathered_covariances
+from curvescan.slam.loops.cycles import Chain
 from curvescan.slam.pose_graph.graph import EdgeKind
 
 
@@ -73,6 +73,6 @@ def test_the_chain_of_a_map_that_is_continued_is_that_of_its_edges(scans: list[c
     steps = np.zeros((k, 3, 3))
     steps[graph.ends[:, 1]] = graph.edge_covariances  # the last edge to a keyframe counts
     np.testing.assert_allclose(chain.poses[:k], graph.poses, atol=1e-12)
-    np.testing.assert_allclose(chain.gathered[:k], gathered_covariances(graph.poses, steps))
+    np.testing.assert_allclose(chain.gathered[:k], Chain.of(graph.poses, steps).gathered)
     # nothing says how the new session lies to it
     assert chain.gathered[k, 0, 0] - chain.gathered[k - 1, 0, 0] > 100.0

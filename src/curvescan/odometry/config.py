@@ -10,6 +10,8 @@ from curvescan.errors import require
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.types import Cov
 
+MATCHER_HINT = "the configuration of the matcher is given as matcher="
+
 
 @dataclass(frozen=True, kw_only=True)
 class KeyframesConfig:

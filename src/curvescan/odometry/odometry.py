@@ -17,7 +17,7 @@ from curvescan.configs import as_config
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig, Method, find_matcher
-from curvescan.odometry.config import OdometryConfig
+from curvescan.odometry.config import MATCHER_HINT, OdometryConfig
 from curvescan.odometry.measurement import Matching
 from curvescan.odometry.motion_model import MotionModel
 from curvescan.odometry.observation import Observation, Placement, State
@@ -57,9 +57,8 @@ class Odometry:
         config: OdometryConfig | Mapping[str, Any] | None = None,
         matcher: MatcherConfig | None = None,
     ) -> None:
-        hint = "the configuration of the matcher is given as matcher="
         self.method = method
-        self.config = as_config(config, OdometryConfig.of_method(method), hint=hint)
+        self.config = as_config(config, OdometryConfig.of_method(method), hint=MATCHER_HINT)
         self.matcher = find_matcher(method, matcher, name="matcher")
         self._matching = Matching(matcher=self.matcher, config=self.config)
         self._state = State(motion=MotionModel.at_start(self.config.motion))

@@ -29,6 +29,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry import Odometry, OdometryConfig
+from curvescan.odometry.config import MATCHER_HINT
 from curvescan.runs.graph_files import edges_of
 from curvescan.runs.result import Run
 from curvescan.runs.results import left_out, list_further_files, save_run
@@ -45,8 +46,6 @@ LogLike: TypeAlias = Log | Iterable[LaserScan] | PathLike
 _STAGES: dict[EngineName, str] = {"odometry": "odometry", "slam": "SLAM"}
 _N_FIRST = 4
 """Scans that load the kernels: with the fourth one there is a motion to expect."""
-
-_HINT = "the configuration of the matcher is given as matcher="
 
 
 class RunDisplay(Protocol):
@@ -164,14 +163,14 @@ def run(
     given: Any = config  # of the engine's class, or its fields
     new: _NewEngine
     if engine == "odometry":
-        rules = as_config(given, OdometryConfig.of_method(method), hint=_HINT)
+        rules = as_config(given, OdometryConfig.of_method(method), hint=MATCHER_HINT)
         deskew = rules.deskew
 
         def new(deskew: bool) -> Odometry:
             return Odometry(method, config=replace(rules, deskew=deskew), matcher=matcher)
 
     else:
-        slam_rules, begun = as_config(given, SlamConfig(), hint=_HINT), None if map is None else as_map(map)
+        slam_rules, begun = as_config(given, SlamConfig(), hint=MATCHER_HINT), None if map is None else as_map(map)
         deskew = slam_rules.odometry.deskew
         exports = [name for name in exports if name != "g2o"]  # the graph is written as it is
 
@@ -224,7 +223,7 @@ def localize(
         As :func:`curvescan.run` does.
     """
     check_names(options, LocalizeOptions.__annotations__, "localize")
-    rules, known = as_config(config, SlamConfig(), hint=_HINT), opened(map)
+    rules, known = as_config(config, SlamConfig(), hint=MATCHER_HINT), opened(map)
 
     def new(deskew: bool) -> Localizer:
         found = Localizer(known, method=method, matcher=matcher, config=_deskewing(rules, deskew))

@@ -6,8 +6,6 @@ poses, a loop closure those since it; places that hold too many keyframes lose t
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from curvescan import se2
@@ -31,18 +29,14 @@ _NEARBY = 6.0
 """Convexity to begin with where the optimum is near that of the last one; else every edge is reconsidered."""
 
 
-class Solution(NamedTuple):
-    """A pose graph solved, and what it then knows of the keyframe that scans hang on, its last."""
+def solve(graph: PoseGraph, noise: NoiseConfig, is_last: bool) -> tuple[PoseGraph, Cov]:
+    """Move a pose graph, a copy, to its robust optimum, and return it; the heavy parts release Python's lock.
 
-    graph: PoseGraph
-    covariances: Cov  # (n, 3, 3): of each keyframe, with the last one known exactly
-
-
-def solve(graph: PoseGraph, noise: NoiseConfig, is_last: bool) -> Solution:
-    """Move a pose graph, a copy, to its robust optimum, and return it; the heavy parts release Python's lock."""
+    With it, (n, 3, 3) covariances of its keyframes with the last one, which scans hang on, known exactly.
+    """
     optimum = optimized(graph, weights=graph.weights, least_convexity=0.0 if is_last else _NEARBY)
     graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
-    return Solution(graph, covariances_seen_from(graph, graph.n_poses - 1, noise))
+    return graph, covariances_seen_from(graph, graph.n_poses - 1, noise)
 
 
 class GrowingMap:
@@ -152,9 +146,8 @@ class GrowingMap:
         poses[rows], self._chain = se2.compose(shift, poses[rows]), None
         self.fragments = np.where(fragments == later, earlier, fragments).tolist()
 
-    def adopt(self, solution: Solution) -> None:
+    def adopt(self, solved: PoseGraph, covariances: Cov) -> None:
         """Take the poses of an optimization; keyframes that came since move along with the one they hang on."""
-        solved, covariances = solution
         n = solved.n_poses
         later = se2.between(self.graph.poses[n - 1], self.graph.poses[n:])
         self.since = self.along(n - 1)

@@ -19,6 +19,7 @@ from curvescan.configs import as_config
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import DEFAULT_METHOD, find_matcher
 from curvescan.matchers.registry import MatcherConfig
+from curvescan.odometry.config import MATCHER_HINT
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import UNMEASURED, Step, StepOutcome, between_steps
@@ -73,8 +74,7 @@ class Localizer:
         matcher: MatcherConfig | None = None,
         config: SlamConfig | Mapping[str, Any] | None = None,
     ) -> None:
-        hint = "the configuration of the matcher is given as matcher="
-        rules = as_config(config, SlamConfig(), hint=hint)
+        rules = as_config(config, SlamConfig(), hint=MATCHER_HINT)
         self.map, field, self.config = with_field(opened(slam_map), rules)
         self.method, self._matcher = method, matcher
         self._keyframes = Keyframes(find_matcher(method, matcher, name="matcher"))

@@ -24,13 +24,14 @@ from curvescan.configs import as_config
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig
+from curvescan.odometry.config import MATCHER_HINT
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import UNMEASURED, Step, StepOutcome, between_steps
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.config import SlamConfig
-from curvescan.slam.growing_map import GrowingMap, Solution, solve
+from curvescan.slam.growing_map import GrowingMap, solve
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import Beside, LoopSearch
 from curvescan.slam.loops.audit import Contradiction
@@ -38,7 +39,7 @@ from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.records import Records
-from curvescan.types import Ints, Pose
+from curvescan.types import Cov, Ints, Pose
 
 _VAGUE = 0.3
 """A new keyframe is due when the way since the last one is known no better than this, metres."""
@@ -76,8 +77,7 @@ class Slam:
         config: SlamConfig | Mapping[str, Any] | None = None,
         map: SlamMap | str | os.PathLike[str] | None = None,  # noqa: A002 - what it is
     ) -> None:
-        hint = "the configuration of the matcher is given as matcher="
-        self.config = as_config(config, SlamConfig(), hint=hint)
+        self.config = as_config(config, SlamConfig(), hint=MATCHER_HINT)
         self.method = method
         self.odometry = Odometry(method, matcher=matcher, config=self.config.odometry)
         self.keyframes = Keyframes(self.odometry.matcher)
@@ -92,7 +92,7 @@ class Slam:
         self._n_unsettled = 0  # of an open gap of the odometry
         self._n_scans = 0
         self._beside = ThreadPoolExecutor(1, thread_name_prefix="curvescan-slam")
-        self._job: Future[Solution] | None = None
+        self._job: Future[tuple[PoseGraph, Cov]] | None = None
         self._job_due = 0
         self.contradictions: tuple[Contradiction, ...] = ()
         """Sure matches that agree with each other and contradict the finished map; empty before :meth:`finish`."""
@@ -186,14 +186,14 @@ class Slam:
                 self._job, self._job_due = self._begin_job(), self._n_scans + _N_ADOPT
         return is_revised
 
-    def _begin_job(self, *, is_last: bool = False) -> Future[Solution]:
+    def _begin_job(self, *, is_last: bool = False) -> Future[tuple[PoseGraph, Cov]]:
         self._search.is_urgent = False
         return self._beside.submit(solve, deepcopy(self.graph), self.config.noise, is_last)
 
     def _adopt(self) -> None:
         """Take the result of the optimization under way, if one is."""
         if self._job is not None:
-            self._map.adopt(self._job.result())
+            self._map.adopt(*self._job.result())
             self._job = None
 
     def finish(self, beside: Beside = partial) -> Trajectory:
@@ -212,7 +212,7 @@ class Slam:
         return self.trajectory()
 
     def _settle(self) -> None:
-        self._map.adopt(self._begin_job(is_last=True).result())
+        self._map.adopt(*self._begin_job(is_last=True).result())
 
     def trajectory(self) -> Trajectory:
         """Return every pose so far, in the map as it is now."""

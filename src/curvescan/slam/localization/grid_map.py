@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -74,8 +75,10 @@ def map_of_grid(grid: OccupancyGrid, field: DistanceField | None = None) -> Slam
     n = len(places)
     ends = np.column_stack((np.zeros(n - 1, dtype=np.int64), np.arange(1, n)))
     poses = np.column_stack((places, np.zeros(n)))
+    angle = 2.0 * np.pi / _N_BEAMS
+    scan = partial(LaserScan, angle_min=-np.pi, angle_increment=angle, range_min=0.0, range_max=_REACH_M)
     return SlamMap(
-        scans=tuple(_scan(row) for row in _cast(field, places)),
+        scans=tuple(map(scan, _cast(field, places))),
         poses=poses,
         covariances=np.zeros((n, 3, 3)),
         indices=np.arange(n),
@@ -87,11 +90,6 @@ def map_of_grid(grid: OccupancyGrid, field: DistanceField | None = None) -> Slam
         weights=np.ones(n - 1),
         grid=grid,
     )
-
-
-def _scan(ranges: Floats) -> LaserScan:
-    angle = 2.0 * np.pi / _N_BEAMS
-    return LaserScan(ranges, angle_min=-np.pi, angle_increment=angle, range_min=0.0, range_max=_REACH_M)
 
 
 def _cast(field: DistanceField, places: Points) -> Floats:

@@ -15,7 +15,7 @@ from curvescan._jit import kernel
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.closures import Closure, log_odds
 from curvescan.slam.loops.cycles import Chain, cycle_distances
-from curvescan.types import Bools, Floats, Ints, Pose
+from curvescan.types import Bools, Ints
 
 _VIEW_M = 2.0
 """Views this far apart show different surfaces, metres."""
@@ -64,7 +64,10 @@ def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
         return 0.0
     chosen = [pool[k] for k in members.tolist()]
     said = np.array([log_odds(c.confidence) for c in chosen])
-    apart = _apart(chain.poses[np.array([(c.i, c.j) for c in chosen])])
+    ends = chain.poses[np.array([(c.i, c.j) for c in chosen])]
+    off = ends[:, np.newaxis] - ends
+    # how much their ends differ along the odometry, metres; a radian counts as one
+    apart = (np.hypot(off[..., 0], off[..., 1]) + np.abs(se2.wrap(off[..., 2]))).max(axis=-1)
     total, new = 0.0, np.full(len(chosen), _VIEW_M)  # metres from the nearest one that counted
     for k in np.argsort(-said, kind="stable").tolist():
         if new[k] > 0.0:
@@ -72,12 +75,6 @@ def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
             np.minimum(new, apart[k], out=new)
     expectation = float(np.mean([c.expectation for c in chosen]))
     return min(total, MOST_LOG_ODDS) + expectation
-
-
-def _apart(ends: Pose) -> Floats:
-    """Return (n, n) how much (n, 2, 3) ends of closures differ along the odometry, metres; a radian counts as one."""
-    off = ends[:, np.newaxis] - ends
-    return np.asarray((np.hypot(off[..., 0], off[..., 1]) + np.abs(se2.wrap(off[..., 2]))).max(axis=-1))
 
 
 def largest_clique(agrees: Bools) -> Ints:

@@ -67,8 +67,13 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
     Each has the expectation of a map whose ways may have slipped. Those of a set are near each other along the path:
     matches of far stretches agree by chance, as nothing is known of the way between.
     """
-    sure = (_held_against(c, poses, config) for c in tried if c.confidence >= _SURE)
-    rest = sorted((c for c in sure if c is not None), key=lambda c: (c.j, c.i))
+    against = []
+    for one in (c for c in tried if c.confidence >= _SURE):
+        off = difference(se2.between(poses[one.i], poses[one.j]), one.pose)
+        cov = one.covariance + config.noise.spread
+        if not off @ np.linalg.solve(cov, off) < GATE:
+            against.append(replace(one, expectation=expectation_of(off, cov, config)))
+    rest = sorted(against, key=lambda c: (c.j, c.i))
     chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
     found: list[list[Closure]] = []
     while rest:
@@ -82,12 +87,3 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
         taken = {(c.i, c.j) for c in group}
         rest = [c for c in rest if (c.i, c.j) not in taken]
     return found
-
-
-def _held_against(closure: Closure, poses: Pose, config: SlamConfig) -> Closure | None:
-    """Return a match with its expectation; None where the map does not contradict it."""
-    off = difference(se2.between(poses[closure.i], poses[closure.j]), closure.pose)
-    cov = closure.covariance + config.noise.spread
-    if off @ np.linalg.solve(cov, off) < GATE:
-        return None
-    return replace(closure, expectation=expectation_of(off, cov, config))

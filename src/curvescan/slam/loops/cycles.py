@@ -22,12 +22,17 @@ class Chain(NamedTuple):
     """Keyframes, and the chain of motions that leads along them."""
 
     poses: Pose  # (n, 3): of the keyframes
-    gathered: Cov  # (n, 3, 3): covariance that the motions have gathered by each; see :func:`gathered_covariances`
+    # (n, 3, 3): covariance that the motions have gathered by each, moving the whole plane: the difference of two is that
+    # of the way between, what it makes of the origin, in the frame of the poses
+    gathered: Cov
 
     @classmethod
     def of(cls, poses: Pose, motions: ArrayLike) -> Chain:
         """Return a chain by its (n, 3) poses and (n, 3, 3) covariance of the motion to each."""
-        return cls(poses.copy(), gathered_covariances(poses, np.asarray(motions)))
+        gathered = np.zeros((len(poses), 3, 3))
+        moved = affines(poses[:-1, 2], poses[1:, 1], -poses[1:, 0])
+        gathered[1:] = np.cumsum(carried(np.asarray(motions)[1:], moved), axis=0)
+        return cls(poses.copy(), gathered)
 
     def extended(self, motions: list[UncertainPose]) -> Chain:
         """Return a chain with more motions at its end."""
@@ -99,14 +104,3 @@ def _way(chain: Chain, a: int, b: int, spread: Floats, step: float, known: float
     for k in range(3):
         cov[k, k] += n_edges * spread[k]
     return pose, cov
-
-
-def gathered_covariances(poses: Pose, motions: Cov) -> Cov:
-    """Return the (n, 3, 3) covariance that a chain of motions gathers by each pose, moving the whole plane.
-
-    The difference of two is that of the way between: what it makes of the origin, in the frame of the poses.
-    """
-    found = np.zeros((len(poses), 3, 3))
-    moved = affines(poses[:-1, 2], poses[1:, 1], -poses[1:, 0])
-    found[1:] = np.cumsum(carried(motions[1:], moved), axis=0)
-    return found
