@@ -20,7 +20,7 @@ from curvescan.simulation import SENSORS, Sensor, World, build_world, simulate
 from curvescan.simulation.buildings.floorplan import WALL_THICKNESS
 from curvescan.slam import Slam, SlamMap, load_map
 from curvescan.slam.localization.correlative import refined_poses, thinned
-from curvescan.slam.localization.field import DistanceField, field_of
+from curvescan.slam.localization.field import DistanceField, counts, field_of
 from curvescan.types import Bools, Floats, Points, Pose
 
 SHOWN, PARTLY_SHOWN = 0.8, 0.5
@@ -67,7 +67,8 @@ class LocalizationTask:
 
     def shown(self, k: int) -> float:
         """Return the share of the readings of a scan that end on walls of the map."""
-        return self.field.shares(points_of(self.scans[k]), self.poses[k])[0]
+        points = points_of(self.scans[k])
+        return counts(self.field, points, self.poses[k])[0] / max(len(points), 1)
 
     def seen_from(self, keyframe: int, k: int) -> Pose:
         """Return the pose of a scan in the frame of the map by one keyframe: how maps bend elsewhere does not matter."""

@@ -212,7 +212,7 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
         name, n_parts = "localization", 1
     elif isinstance(engine, Slam):
         name, n_parts = "slam", engine.n_fragments
-        contradictions = tuple((c.count, c.n_keyframes, *c.place.tolist()) for c in engine.contradictions)
+        contradictions = tuple((len(c.pairs), len({*c.pairs[:, 1]}), *c.place.tolist()) for c in engine.contradictions)
     log, issues = (None, ()) if prepared is None else (prepared.log, prepared.issues)
     evidence = Evidence(
         engine=name,

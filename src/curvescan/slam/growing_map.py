@@ -70,7 +70,8 @@ class GrowingMap:
         self.graph.add_pose(pose)
         self._steps.append(UncertainPose(np.zeros(3), LOST_COVARIANCE.copy()))
         self.fragments.append(max(self.fragments, default=-1) + 1)
-        self.belief, self._chain, self.since = Belief.at_start(self.graph.poses), None, identity()
+        unknown = np.concatenate((np.tile(LOST_COVARIANCE, (k, 1, 1)), np.zeros((1, 3, 3))))
+        self.belief, self._chain, self.since = Belief.of(self.graph.poses, unknown), None, identity()
         return k
 
     def append(self, scan: LaserScan, index: int, motion: UncertainPose) -> int:
@@ -168,7 +169,7 @@ class GrowingMap:
             self.keyframes.keep(is_kept)
             self._steps = steps_of(self.graph)
             self.fragments = np.array(self.fragments)[is_kept].tolist()
-            self.belief, self._chain = self.belief.kept(is_kept[:n]), None
+            self.belief, self._chain = Belief(*(known[is_kept[:n]] for known in self.belief)), None
         return is_kept
 
     def current_in_map(self) -> UncertainPose:

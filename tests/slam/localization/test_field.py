@@ -8,7 +8,7 @@ import pytest
 import curvescan as cs
 from curvescan import se2
 from curvescan.slam import SlamMap
-from curvescan.slam.localization.field import ON_WALL_M, REACH_M, DistanceField, field_of
+from curvescan.slam.localization.field import ON_WALL_M, REACH_M, DistanceField, counts, field_of
 from tests.slam.map_example import FILE, ROOM, lap, scans
 
 
@@ -59,7 +59,7 @@ def test_the_shares_are_those_of_a_slow_look(field: DistanceField) -> None:
     points = np.ascontiguousarray(scan.points[scan.valid][::6])
     for _ in range(8):
         pose = np.array([*rng.uniform(-3, 3, 2), rng.uniform(-3, 3)])
-        found = field.shares(points, pose)
+        found = np.array(counts(field, points, pose)) / len(points)
         slow = _slow_agreement(field, points, pose)
         assert found[:2] == pytest.approx(slow[:2], abs=1e-12)
         # steps of two thirds of a cell miss some beams that only cut a corner of a wall's cell, and see no others
@@ -99,15 +99,15 @@ def test_beams_of_which_nothing_came_back_wear_no_wall_away() -> None:
     half = np.where(np.arange(360) < 180, wall, nothing)
     field = field_of(_ring_map(wall, half, half, half, nothing, nothing))
     points = _ring_map(wall).scans[0].points
-    assert field.shares(points, np.zeros(3)) == (1.0, 0.0, 0.0)
+    assert counts(field, points, np.zeros(3)) == (len(points), 0, 0)
 
 
 def test_what_most_beams_pass_is_a_wall_and_not_solid() -> None:
     near, far = np.full(360, 2.0), np.full(360, 3.0)
     field = field_of(_ring_map(near, near, far, far, far, far))
     points = _ring_map(near, far).scans
-    assert field.shares(points[0].points, np.zeros(3)) == (1.0, 0.0, 0.0)
-    assert field.shares(points[1].points, np.zeros(3))[2] < 0.05
+    assert counts(field, points[0].points, np.zeros(3)) == (360, 0, 0)
+    assert counts(field, points[1].points, np.zeros(3))[2] < 0.05 * 360
     # what stood there once, and a hundred looks found gone, is no wall
     field = field_of(_ring_map(near, *[far] * 100))
-    assert field.shares(points[0].points, np.zeros(3))[0] < 0.05
+    assert counts(field, points[0].points, np.zeros(3))[0] < 0.05 * 360

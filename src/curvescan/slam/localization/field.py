@@ -54,14 +54,9 @@ class DistanceField(NamedTuple):
         cells = np.argwhere(is_place)[:, ::-1] * stride + half
         return self.origin + self.resolution * (cells + 0.5)
 
-    def shares(self, points: Points, pose: Floats) -> tuple[float, float, float]:
-        """Return shares of the readings of a scan, (n, 2): that end on walls, end in free space, and pass walls."""
-        on_wall, new, through = (n / max(len(points), 1) for n in _counts(self, points, pose))
-        return on_wall, new, through
-
     def agreement(self, points: Points, pose: Floats) -> float:
         """Return what readings of a scan, (n, 2) in its own frame, say for a pose, less what against it, in [-2, 1]."""
-        on_wall, new, through = self.shares(points, pose)
+        on_wall, new, through = (n / max(len(points), 1) for n in counts(self, points, pose))
         return on_wall - (new + through)
 
 
@@ -102,7 +97,7 @@ def _grid(slam_map: SlamMap, **given: Any) -> OccupancyGrid:
 
 
 @kernel
-def _counts(field: DistanceField, points: Points, pose: Floats) -> tuple[int, int, int]:
+def counts(field: DistanceField, points: Points, pose: Floats) -> tuple[int, int, int]:
     """Return how many readings end on walls, end in free space, and pass walls; a look every cell and a half."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     n_rows, n_columns = field.distance.shape

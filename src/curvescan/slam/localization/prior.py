@@ -24,8 +24,11 @@ INITIAL_COVARIANCE: Cov = np.diag(np.square([0.5, 0.5, math.radians(15)]))
 LOG_ODDS = 20.0
 """Log odds of one unit of agreement with the map."""
 
-WRONG, _DOUBT = 0.01, 0.1
-"""Probability that a fix, an initial pose or a sure match is wrong, and that a sensor was carried away unmeasured."""
+_WRONG = 0.01
+"""Probability that a fix or an initial pose is wrong."""
+
+_DOUBT = 0.1
+"""Probability that a sensor was carried away unmeasured."""
 
 _MOST = 3.0
 """The most that views on the way say of a track, in units of agreement: motions that seem sure may err too."""
@@ -35,7 +38,7 @@ class Prior(NamedTuple):
     """Where the sensor is, as far as it is known without the scan at hand."""
 
     here: UncertainPose
-    astray: float = math.log(WRONG)  # logarithm of the probability that it is anywhere else in the map
+    astray: float = math.log(_WRONG)  # logarithm of the probability that it is anywhere else in the map
 
     @staticmethod
     def of(pose: ArrayLike, covariance: ArrayLike | None = None) -> Prior:

@@ -38,16 +38,6 @@ class Contradiction:
     pairs: Ints  # (n, 2): numbers of the keyframes of each match; the later one second
     off: Pose  # (3,): median of where the matches put the later keyframe, seen from where the map has it
 
-    @property
-    def count(self) -> int:
-        """Matches."""
-        return len(self.pairs)
-
-    @property
-    def n_keyframes(self) -> int:
-        """Later keyframes of the matches."""
-        return len(set(self.pairs[:, 1].tolist()))
-
 
 def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> list[Contradiction]:
     """Return what groups of matches, by row, say against a map, the largest first: a few keyframes may be deceived."""
@@ -58,7 +48,7 @@ def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> l
         median = np.median(off, axis=0)
         if math.hypot(median[0], median[1]) > _BENT_M:
             found.append(Contradiction(place=poses[ends[:, 1], :2].mean(axis=0), pairs=numbers[ends], off=median))
-    return sorted(found, key=lambda one: -one.count)
+    return sorted(found, key=lambda one: -len(one.pairs))
 
 
 def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> list[list[Closure]]:

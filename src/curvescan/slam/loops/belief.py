@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
-from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.pose_graph.posterior import affines, carried
-from curvescan.types import Bools, Cov, Ints, Pose
+from curvescan.types import Cov, Ints, Pose
 
 
 class Belief(NamedTuple):
@@ -31,21 +30,10 @@ class Belief(NamedTuple):
         jac = -affines(-poses[:, 2], -relative[:, 1], relative[:, 0])
         return cls(relative, carried(covariances, jac))
 
-    @classmethod
-    def at_start(cls, poses: Pose) -> Belief:
-        """Return what is known of the last keyframe where nothing ties it to those before it."""
-        covariances = np.tile(LOST_COVARIANCE, (len(poses), 1, 1))
-        covariances[-1] = 0.0
-        return cls.of(poses, covariances)
-
     @property
     def n(self) -> int:
         """Keyframes that there were."""
         return len(self.relative)
-
-    def kept(self, is_kept: Bools) -> Belief:
-        """Return what is known without some of the keyframes before the last."""
-        return Belief(self.relative[is_kept], self.covariances[is_kept])
 
     def last_seen_from(self, i: int) -> UncertainPose:
         """Return the last keyframe seen from another."""
