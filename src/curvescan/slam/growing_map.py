@@ -6,6 +6,8 @@ poses, a loop closure those since it; places that hold too many keyframes lose t
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 
 from curvescan import se2
@@ -105,9 +107,7 @@ class GrowingMap:
 
     def along(self, i: int) -> UncertainPose:
         """Return the newest keyframe seen from an earlier one along the keyframes between them."""
-        way = identity()
-        for step in self._steps[i + 1 :]:
-            way = compose(way, step)
+        way = reduce(compose, self._steps[i + 1 :], identity())
         return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[-1]), way.cov)
 
     def chain(self) -> Chain:

@@ -180,11 +180,10 @@ class Localizer:
         if hits and fit > 0.0 and (alone is None or alone.is_best(now.pose, view + prior)):
             return self._take(step, StepOutcome.TRACKED, now, hits, view)
         self._n_missed += is_due or fit < 0.0 or self._is_torn
-        elsewhere: list[Hit] = []
         if self._n_missed:
-            elsewhere = self._confirmed(scan, (alone or self._search.look(scan, prior=self._prior)).winner)
-        if elsewhere:
-            return self._take(step, StepOutcome.FOUND, fused(elsewhere), elsewhere)
+            views = alone or self._search.look(scan, prior=self._prior)
+            if elsewhere := self._confirmed(scan, views.winner):
+                return self._take(step, StepOutcome.FOUND, fused(elsewhere), elsewhere)
         if self._n_missed >= self.config.keyframes.n_lost:
             self._fix, self._views = None, None
             return self._look(scan, step)

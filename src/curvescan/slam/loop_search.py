@@ -70,9 +70,8 @@ class LoopSearch:
     def enqueue(self, k: int) -> None:
         """Queue the keyframes that the newest one, of row k, is to be matched with."""
         growing, keyframes = self._map, self._map.keyframes
-        for i in range(max(k - N_LINKED, 0), k - 1):
-            if growing.fragments[i] == growing.fragments[k]:
-                self._queue.append(Candidate(i, k, growing.along(i).cov))
+        linked = [i for i in range(max(k - N_LINKED, 0), k - 1) if growing.fragments[i] == growing.fragments[k]]
+        self._queue += [Candidate(i, k, growing.along(i).cov) for i in linked]
         poses, similarity = growing.graph.poses, keyframes.index.similarity(keyframes.signature(keyframes.prepared(k)))
         # what is known of a relative pose is costly: not of what lies afar and looks different
         rows = (similarity >= _MIN_SIMILARITY) | (np.hypot(*(poses[:, :2] - poses[k, :2]).T) < _FARTHEST)

@@ -6,6 +6,7 @@ Mangelson et al. 2018, eq. 3.
 from __future__ import annotations
 
 import math
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -36,10 +37,8 @@ class Chain(NamedTuple):
 
     def extended(self, motions: list[UncertainPose]) -> Chain:
         """Return a chain with more motions at its end."""
-        poses = [self.poses[-1]]
-        for motion in motions:
-            poses.append(se2.compose(poses[-1], motion.pose))
-        more = Chain.of(np.array(poses), [motions[0].cov, *(motion.cov for motion in motions)])
+        poses = accumulate((motion.pose for motion in motions), se2.compose, initial=self.poses[-1])
+        more = Chain.of(np.array([*poses]), [motions[0].cov, *(motion.cov for motion in motions)])
         gathered = np.concatenate((self.gathered, self.gathered[-1] + more.gathered[1:]))
         return Chain(np.concatenate((self.poses, more.poses[1:])), gathered)
 

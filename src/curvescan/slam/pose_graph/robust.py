@@ -52,10 +52,9 @@ def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: floa
     convexity = max(1.0 / max(2.0 * worst - 1.0, 1e-12), least_convexity)
     while worst > 1.0 and convexity < _STEEPEST:
         new = np.maximum(tls_weights(distances, limits, convexity), least)
-        settled = bool(np.all((new == least) | (new == 1.0)) and np.array_equal(new, weights))
-        weights = new
-        if settled:
+        if np.all((new == least) | (new == 1.0)) and np.array_equal(new, weights):
             break
+        weights = new
         poses = _optimum(poses, edges, weights, elimination)
         distances = squared_distances(poses, edges)
         convexity *= _STEP
