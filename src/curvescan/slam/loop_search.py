@@ -64,7 +64,6 @@ class LoopSearch:
         self.is_urgent = False  # whether a loop closed that the graph did not expect: to be optimized at once
         self._map = growing
         self._queue: deque[Candidate] = deque()
-        self._tried: set[tuple[int, int]] = set()  # by the numbers of the keyframes, the earlier one first
         self._pool: list[Closure] = []  # by row: those that wait, and those accepted, which speak against others
 
     def enqueue(self, k: int) -> None:
@@ -87,12 +86,12 @@ class LoopSearch:
     def densify(self, index: int, beside: Beside) -> None:
         """Match each keyframe with the nearest others that it is not tied to, half of the matches beside.
 
-        Other matches of keyframes that no edge ties are forgotten: where the map is known now, they are others.
+        Also those that were matched before: where the map is known now, the matches are others.
         """
         from scipy.spatial import cKDTree  # loads for a good part of a second
 
-        graph, numbers = self._map.graph, self._map.keyframes.numbers
-        self._tried = set(map(tuple, np.sort(numbers[graph.ends]).tolist()))
+        graph = self._map.graph
+        tied = set(map(tuple, np.sort(graph.ends).tolist()))
         fragments, poses, new = np.array(self._map.fragments), graph.poses, []
         places = cKDTree(poses[:, :2])
         for k in range(1, graph.n_poses):
@@ -101,7 +100,7 @@ class LoopSearch:
             cov = np.broadcast_to(self.config.noise.spread, (len(rows), 3, 3))
             relative = se2.between(poses[rows], poses[k])
             chosen = choose_candidates(k, rows, relative, cov, self.config, self._map.keyframes.profiles.array)
-            new += [c for c in chosen if self._is_new(c)]
+            new += [c for c in chosen if (c.i, c.j) not in tied]
         given = self._map.keyframes, poses, self.config, index  # an optimization was last: none moves another one
         others, found = beside(matched, *given, new[1::2]), matched(*given, new[::2])
         for closure in filter(None, chain.from_iterable(zip_longest(found, others()))):
@@ -146,9 +145,7 @@ class LoopSearch:
         return contradictions(likely, self._map.graph.poses, self._map.keyframes.numbers)
 
     def _try(self, candidate: Candidate, index: int) -> list[Closure]:
-        """Match a candidate unless it was, and return the closures accepted."""
-        if not self._is_new(candidate):
-            return []
+        """Match a candidate, and return the closures accepted."""
         [closure] = matched(self._map.keyframes, self._map.graph.poses, self.config, index, [candidate])
         if closure.outcome is ClosureOutcome.WAITING:
             return self._wait(closure)
@@ -158,13 +155,6 @@ class LoopSearch:
         if is_loop(closure.i, closure.j) and is_whole(closure.covariance):
             self._remember(closure)
         return [self._accept(closure)]
-
-    def _is_new(self, candidate: Candidate) -> bool:
-        """Return whether a candidate was not matched before, and keep that it is."""
-        pair = self._map.keyframes[candidate.i].number, self._map.keyframes[candidate.j].number
-        is_new = pair not in self._tried
-        self._tried.add(pair)
-        return is_new
 
     def _remember(self, closure: Closure) -> None:
         """Keep a closure with those near it along the path: others speak neither for it nor against it."""
@@ -200,11 +190,11 @@ class LoopSearch:
 
     def renumber(self, is_kept: Bools) -> None:
         """Count the keyframes anew after some went; is_kept: which rows stayed."""
-        numbers = set(self._map.keyframes.numbers.tolist())
-        self._tried = {pair for pair in self._tried if numbers.issuperset(pair)}
         at = np.where(is_kept, np.cumsum(is_kept) - 1, -1).tolist()
-        self._queue = deque(Candidate(at[c.i], at[c.j], c.covariance) for c in self._queue if at[c.i] >= 0)
-        self._pool = [replace(c, i=at[c.i], j=at[c.j]) for c in self._pool if at[c.i] >= 0 and at[c.j] >= 0]
+        self._queue = deque(
+            Candidate(at[c.i], at[c.j], c.covariance) for c in self._queue if min(at[c.i], at[c.j]) >= 0
+        )
+        self._pool = [replace(c, i=at[c.i], j=at[c.j]) for c in self._pool if min(at[c.i], at[c.j]) >= 0]
 
 
 def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, new: list[Candidate]) -> list[Closure]:
