@@ -36,7 +36,7 @@ class Records:
         rows = self._scans.array[len(self._scans) - n_lost :]
         if n_lost and way is not None:
             rows["stretch"], rows["relative"] = len(self._stretches), se2.between(way, rows["relative"])
-        elif len(self._stretches) and way is not None:
+        elif way is not None:
             before = self._stretches.array[-1]
             before["last"], before["way"] = keyframe, way
         self._stretches.append((keyframe, -1, np.zeros(3), len(self._scans)))
