@@ -161,7 +161,7 @@ NAMED = (
     _named(
         "closures are accepted alone where the graph is vague",
         "slam/loops/closures.py",
-        "if expectation + log_odds(tried) > config.closures.log_odds:",
+        "if expectation + log_odds(tried.confidence) > config.closures.log_odds:",
         "if True:",
         "slam/test_closures.py",
     ),

@@ -23,8 +23,8 @@ class Chain(NamedTuple):
     """Keyframes, and the chain of motions that leads along them."""
 
     poses: Pose  # (n, 3): of the keyframes
-    # (n, 3, 3): covariance that the motions have gathered by each, moving the whole plane: the difference of two is that
-    # of the way between, what it makes of the origin, in the frame of the poses
+    # (n, 3, 3): covariance that the motions have gathered by each, moving the whole plane: the difference of two is
+    # that of the way between: what it makes of the origin, in the frame of the poses
     gathered: Cov
 
     @classmethod
