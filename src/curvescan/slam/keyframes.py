@@ -81,9 +81,9 @@ class Keyframes:
         self.index.keep(is_kept)
 
     def signature(self, scan: PreparedScan) -> Signature:
-        """Return the signature of a scan for the place index, from the default matcher's keypoints."""
+        """Return the signature of a scan for the place index, from the samples of the default matcher."""
         is_default = isinstance(scan.matcher, type(find_matcher(DEFAULT_METHOD)))
-        return signature((scan if is_default else prepare(scan.scan)).features.landmarks.keypoints)
+        return signature((scan if is_default else prepare(scan.scan)).features.sampled_points)
 
     def prepared(self, k: int) -> PreparedScan:
         """Return a keyframe ready to be matched."""

@@ -36,8 +36,8 @@ _FARTHEST = 6.0
 _N_CERTAIN, _N_UNCERTAIN = 5, 6
 """Earlier keyframes that a new one is matched with, at most: of a known relative pose, and of one that is not."""
 
-_MIN_SIMILARITY = 0.4
-"""Least similarity by the place index of keyframes of a vague relative pose: 2 % of those below it were of use."""
+_MIN_SIMILARITY = 0.8
+"""Least similarity by the place index of keyframes of a vague relative pose."""
 
 _N_LOGGED = 50_000
 """Loop-closure candidates whose record is kept, the latest."""

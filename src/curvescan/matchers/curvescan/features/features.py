@@ -64,6 +64,11 @@ class CurvescanFeatures(Surfaces):
         """The image with all readings as samples."""
         return self.image._replace(samples=self.image.surfels)
 
+    @property
+    def sampled_points(self) -> Floats:
+        """(k, 4) the samples alone: places, metres, and unit normals."""
+        return self.image.samples[:, [X, Y, NX, NY]]
+
     @cached_property
     def landmarks(self) -> Landmarks:
         """Corners, ends and directions of surfaces: a match near a good prior needs none, and they take long."""
