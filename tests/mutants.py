@@ -32,7 +32,6 @@ ROOMS = {MATCHER: "test_matcher.py", "curvescan/odometry": "test_odometry.py"}
 _MAX_SLOWER = 8.0  # a mutant may take so many times the processor time of the original, and hangs beyond
 _ELSEWHERE = {  # files that others' tests are nearest to
     f"{MATCHER}/candidates.py": "test_disambiguation.py",
-    f"{MATCHER}/features/direction_histogram.py": "proposal/test_rotation_hypotheses.py",
     f"{MATCHER}/normal_equations.py": "assessment/test_information.py",
     "curvescan/odometry/config.py": "test_gating.py",
     "curvescan/odometry/gaps.py": "test_recovery.py",

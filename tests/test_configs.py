@@ -29,8 +29,8 @@ def test_a_mapping_stands_for_the_fields_that_differ():
 
 
 def test_lists_and_tuples_are_taken_for_tuples():
-    config = as_config({"arms": [0.1, np.float32(0.5)]}, cs.KeypointsConfig())
-    assert config.arms == (0.1, 0.5)
+    config = as_config({"quick": [0.1, np.float32(0.5)]}, cs.RefinementConfig())
+    assert config.quick == (0.1, 0.5)
 
 
 @pytest.mark.parametrize(
@@ -38,10 +38,10 @@ def test_lists_and_tuples_are_taken_for_tuples():
     [
         ({"a": 1}, r"config has an unknown key 'a': known are hypotheses, information"),
         ({"scorin": {}}, "unknown key 'scorin': did you mean 'scoring'"),
-        ({"keypoints": {"min_tur": 1}}, r"config\['keypoints'\] has an unknown key 'min_tur': did you mean 'min_turn'"),
-        ({"keypoints": {"min_turn": "much"}}, "min_turn must be of type float, got 'much'"),
-        ({"keypoints": {"max_keypoints": 3.5}}, "max_keypoints must be of type int, got 3.5"),
-        ({"keypoints": 3}, r"config\['keypoints'\] must be a table, got 3"),
+        ({"segments": {"jum": 1}}, r"config\['segments'\] has an unknown key 'jum': did you mean 'jump'"),
+        ({"segments": {"jump": "much"}}, "jump must be of type float, got 'much'"),
+        ({"hypotheses": {"max_tried": 3.5}}, "max_tried must be of type int, got 3.5"),
+        ({"segments": 3}, r"config\['segments'\] must be a table, got 3"),
         ({"segments": {"arm": -1.0}}, r"config\['segments'\]: arm must be > 0 m, got -1.0"),
         (3, "config must be a CurvescanConfig, a mapping of its fields or None, got int"),
         (cs.CurvescanConfig, "got the class CurvescanConfig"),

@@ -59,7 +59,6 @@ from .matchers.cfsma.config import SegmentationConfig as SegmentationConfig
 from .matchers.curvescan.config import CurvescanConfig as CurvescanConfig
 from .matchers.curvescan.config import HypothesesConfig as HypothesesConfig
 from .matchers.curvescan.config import InformationConfig as InformationConfig
-from .matchers.curvescan.config import KeypointsConfig as KeypointsConfig
 from .matchers.curvescan.config import RefinementConfig as RefinementConfig
 from .matchers.curvescan.config import ScoringConfig as ScoringConfig
 from .matchers.curvescan.config import SegmentsConfig as SegmentsConfig

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections import Counter
 
 import numpy as np
 
@@ -129,23 +128,6 @@ def turn_likeness(histogram_ref, histogram_cur):
     """(n,) circular correlation of two histograms at every shift of the current one."""
     n = len(histogram_ref)
     return np.array([np.roll(histogram_cur, shift) @ histogram_ref for shift in range(n)])
-
-
-def votes(poses, cell, turn):
-    """Votes of each pose: how many stand in its cell, summed over two grids half a cell apart."""
-    counts = np.zeros(len(poses), dtype=int)
-    for shift in (0.0, 0.5):
-        keys = [
-            (
-                int(np.floor(x / cell + shift)),
-                int(np.floor(y / cell + shift)),
-                int(np.floor((theta + np.pi) / turn + shift)),
-            )
-            for x, y, theta in poses
-        ]
-        total = Counter(keys)
-        counts += [total[key] for key in keys]
-    return counts
 
 
 def static_segments(surfels, bounds, partner, others, pose, limit, least):

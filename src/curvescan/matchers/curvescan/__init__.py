@@ -1,1 +1,1 @@
-"""The default matcher: keypoints propose poses, both scans score them, point-to-line least squares refines them."""
+"""The default matcher: walls and edges propose poses, scans score them, point-to-line least squares refines them."""

@@ -65,36 +65,11 @@ class SegmentsConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeypointsConfig:
-    """Keypoints: corners and ends of surfaces."""
-
-    arms: tuple[float, ...] = (ARM, 0.25, 0.5)
-    """Lengths over which a surface is taken to turn, metres, ascending: furniture, door frames, walls. The middle one
-    decides the direction of a surface at its end."""
-    min_turn: float = 0.4
-    """Least turn of a corner, and by how much those of two may differ that are the same, radians."""
-    max_keypoints: int = 96
-    """Corners and ends kept of a scan, at most."""
-
-    @cached_property
-    def arm_lengths(self) -> Floats:
-        """`arms` as an array."""
-        return np.array(self.arms, dtype=np.float64)
-
-    def __post_init__(self) -> None:
-        require(len(self.arms) > 0 and min(self.arms) > 0.0, "arms must be lengths > 0 m", self.arms)
-        require(0.0 < self.min_turn < math.pi, "min_turn must lie in (0, pi) rad", self.min_turn)
-        require(self.max_keypoints >= 1, "max_keypoints must be at least 1", self.max_keypoints)
-
-
-@dataclass(frozen=True, kw_only=True)
 class HypothesesConfig:
     """Hypotheses: which poses are tried."""
 
-    cell: float = NEAR
-    """Poses in a cell of this width vote for each other, metres; half as many radians wide."""
-    max_tried: int = 96
-    """Most voted poses that are tried."""
+    max_tried: int = 48
+    """Places at which most walls and edges coincide that are tried."""
     n_rotations: int = 4
     """Rotations taken from the directions of all surfaces."""
     along_step: float = 0.15
@@ -103,7 +78,7 @@ class HypothesesConfig:
     """How far along a corridor places are tried, metres each way."""
 
     def __post_init__(self) -> None:
-        for name in ("cell", "along_step", "along_reach"):
+        for name in ("along_step", "along_reach"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("max_tried", "n_rotations"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
@@ -119,7 +94,7 @@ class ScoringConfig:
     """Metres that two readings of one surface may lie apart besides three standard deviations of their noise, and all
     readings of a surface that did not move on the mean."""
     doubtful_score: float = 0.35
-    """Below this score other ways to a pose are tried, too."""
+    """Below this score other turns are tried, also where the prior has the pose."""
     min_confidence: float = 0.5
     """Least confidence of a match."""
     min_inliers: int = 15
@@ -184,8 +159,6 @@ class CurvescanConfig:
 
     segments: SegmentsConfig = field(default_factory=SegmentsConfig)
     """Surfaces and lines."""
-    keypoints: KeypointsConfig = field(default_factory=KeypointsConfig)
-    """Corners and ends."""
     hypotheses: HypothesesConfig = field(default_factory=HypothesesConfig)
     """Poses to try."""
     scoring: ScoringConfig = field(default_factory=ScoringConfig)

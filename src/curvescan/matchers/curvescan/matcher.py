@@ -1,8 +1,7 @@
-"""The matcher "curvescan": hypotheses from CF-SMA's kind of corners, scored, refined, and assessed.
+"""The matcher "curvescan": hypotheses from walls and edges that coincide, scored, refined, and assessed.
 
-It starts where CF-SMA starts, from the characteristic points of surfaces, and closes its two holes. A corner with the
-two directions that leave it is an oriented keypoint, and one pair of keypoints a pose, so that no single wrong pair
-decides; and the pose is refined point to line, so that no index-by-index pairs cost accuracy.
+CF-SMA starts from corners. Walls and edges propose poses in round and bare scenes as well. And the pose is refined
+point to line, so that no index-by-index pairs cost accuracy.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ class CurvescanMatcher:
         self._effort = effort_of(config)
 
     def prepare(self, scan: LaserScan) -> CurvescanFeatures:
-        """Return the surfels, keypoints and range image of a scan."""
+        """Return the surfels and the range image of a scan."""
         return extract_features(scan, self.config)
 
     def can_be_reference(self, features: CurvescanFeatures) -> bool:

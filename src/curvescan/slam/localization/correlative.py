@@ -1,7 +1,7 @@
 """Correlative search: the poses of a whole map at which a scan ends on walls, with no guess.
 
 After Olson, "Real-time correlative scan matching", ICRA 2009: every place where the sensor can be and every heading is
-tried on a field of distances, coarsely; the best are refined on the field. It needs no keypoints and no overlap with
+tried on a field of distances, coarsely; the best are refined on the field. It needs no landmarks and no overlap with
 any one keyframe, so that a place seen from the other direction, in pieces, is found as well. A pose that cannot become
 good is left after a quarter of its readings.
 """

@@ -1,4 +1,4 @@
-"""Turns from the directions of surfaces, places of a lattice, slides along a corridor."""
+"""Turns from the directions of surfaces, slides along a corridor."""
 
 from __future__ import annotations
 
@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.features.features import direction_histogram
+from curvescan.matchers.curvescan.features.landmarks import direction_histogram
 from curvescan.matchers.curvescan.proposal.rotation_hypotheses import (
-    aligned_translations,
     degenerate_hypotheses,
     dominant_axis,
     rotation_hypotheses,
-    wall_offsets,
 )
 from tests.matchers.curvescan.scenes import features, pair, pillar_scan, turned
 from tests.reference import curvescan as slow
@@ -56,32 +54,10 @@ def test_scans_without_lines_have_an_even_histogram():
     assert not direction_histogram(np.empty((0, 10))).any()
 
 
-def test_walls_that_coincide_propose_the_translation():
-    motion = np.array([0.55, -0.45, 0.2])
-    ref, cur = pair(motion=motion)
-    start = np.array([[0.0, 0.0, 0.2]])
-    moved = aligned_translations(start, ref.image.samples, cur.image.samples, 2.0, 0.1, 3)
-    assert 1 <= len(moved) <= 9
-    assert (moved[:, 2] == 0.2).all()
-    assert np.hypot(*(moved - motion)[:, :2].T).min() < 0.12
-    # nothing beyond the reach
-    near = aligned_translations(start, ref.image.samples, cur.image.samples, 0.2, 0.1, 3)
-    assert np.abs(near[:, :2]).max() < 0.3
-
-
 def test_the_axis_is_that_of_the_walls_however_the_sensor_is_turned():
     for turn in (-0.6, 0.0, 0.4):
         axis = dominant_axis(features(pillar_scan((0.0, 0.0, turn))).image.surfels)
         assert abs(math.remainder(axis + turn, math.pi / 2)) < 0.05
-
-
-def test_without_walls_across_an_axis_a_pose_stays():
-    ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    axis = dominant_axis(ref.image.samples)
-    offsets = wall_offsets(ref.image.samples, cur.image.samples, np.zeros(3), axis, 2.0, 0.1, 3)
-    across = wall_offsets(ref.image.samples, cur.image.samples, np.zeros(3), axis + math.pi / 2, 2.0, 0.1, 3)
-    # one of the two runs along the corridor, and no wall lies across it
-    assert sorted([offsets.tolist(), across.tolist()], key=len)[0] == [0.0]
 
 
 def test_slides_run_along_a_corridor_and_nowhere_else():

@@ -8,7 +8,7 @@ import numpy as np
 
 import curvescan as cs
 from curvescan.matchers.curvescan import matcher
-from curvescan.matchers.curvescan.config import CurvescanConfig, HypothesesConfig, ScoringConfig
+from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.matcher import CurvescanMatcher
 from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal import search as rules
@@ -47,29 +47,36 @@ def test_the_best_candidate_is_near_the_truth():
         assert len(found.poses) == len(found.scores)
 
 
-def test_walls_that_coincide_propose_what_nothing_else_does():
-    ref, cur = pair(motion=np.array([0.55, -0.45, 0.0]))
-    blind = CurvescanConfig(
-        hypotheses=HypothesesConfig(max_tried=1, n_rotations=1, along_reach=0.01),
-        scoring=ScoringConfig(doubtful_score=1.0),
-    )
-    found = search(ref, cur, WIDE, blind)
-    assert found.n_tried > 5
-    assert np.abs(found.poses[0] - [0.55, -0.45, 0.0]).max() < 0.02
-
-
-def test_no_walls_are_aligned_where_the_best_pose_lies_where_the_guess_has_it():
+def test_walls_are_laid_on_each_other_once_more_unless_the_best_pose_lies_where_the_guess_has_it():
     motion = np.array([0.55, -0.45, 0.0])
     ref, cur = pair(motion=motion)
-    # nothing is ever certain, and nothing but the guess and the walls propose the place
-    doubting = CurvescanConfig(hypotheses=HypothesesConfig(max_tried=1, n_rotations=1, along_reach=0.01))
-    never = {"few_tried": 10_000, "certain_score": 1.0}
+    never = {"certain_score": 1.0}  # nothing is ever certain
     right, wrong = np.add(motion, [0.03, 0.0, 0.01]), np.add(motion, [2.0, 0.0, 0.0])
-    few = search(ref, cur, prior_at(right), doubting, **never).n_tried
-    assert few < 10
-    found = search(ref, cur, prior_at(wrong), doubting, **never)
+    few = search(ref, cur, prior_at(right), CONFIG, **never).n_tried
+    found = search(ref, cur, prior_at(wrong), CONFIG, **never)
     assert found.n_tried > few
     assert np.abs(found.poses[0] - motion).max() < 0.02
+    assert search(ref, cur, prior_at(wrong), CONFIG).n_tried <= few + 10
+
+
+def test_where_nothing_agrees_turns_beside_the_likeliest_are_tried():
+    ref, cur = pair()
+    # all directions are those of the current scan, a tenth of a radian off
+    off_by = cs.se2.wrap(MOTION[2] + 0.1)
+    turned = rules.turns_beside(np.array([0.3, 0.2, off_by]))
+    np.testing.assert_allclose(turned[:, :2], [[0.3, 0.2]] * 4)
+    np.testing.assert_allclose(turned[:, 2] - off_by, [-0.2, -0.1, 0.1, 0.2])
+    wrong = np.roll(cur.landmarks.directions, 2)  # of 3 degrees
+    marks = cur.landmarks._replace(directions=wrong)
+    none = np.empty((0, 3)), np.empty(0)
+    found = rules.search(ref.image, cur.image, ref.landmarks, marks, WIDE, *none, effort_of(CONFIG))
+    assert off(found[0][0]) < 0.01
+
+
+def test_what_scores_next_to_nothing_is_no_candidate():
+    for seed in range(3):
+        found = search(pair()[0], pair(seed + 7, motion=np.array([0.9, 0.4, 2.5]))[1], WIDE, CONFIG)
+        assert (found.scores > 0.1).all()
 
 
 def matched(ref, cur, guess):

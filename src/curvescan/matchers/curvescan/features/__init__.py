@@ -1,1 +1,1 @@
-"""What the matcher computes from one scan alone: segments, surfels, keypoints and the range image."""
+"""What the matcher computes from one scan alone: segments, surfels, landmarks and the range image."""

@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.config import CurvescanConfig, KeypointsConfig
-from curvescan.matchers.curvescan.features.keypoints import add_ends, find_corners
+from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.features.landmarks import Landmarks, find_landmarks
 from curvescan.matchers.curvescan.features.objects import Objects, find_objects
-from curvescan.matchers.curvescan.features.range_image import RangeImage, azimuth_table, bearing, uneven_azimuth_table
+from curvescan.matchers.curvescan.features.range_image import RangeImage, azimuth_table, uneven_azimuth_table
 from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
-from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, RANGE, X, Y, fit_lines, fit_surfels, moments
+from curvescan.matchers.curvescan.features.surfels import NX, NY, X, Y, fit_lines, fit_surfels
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Floats, Ints
 
@@ -24,10 +24,6 @@ _NOISY = 0.02  # range noise, metres, from which on segments and lines are found
 # Growth of `jump` for each metre of range noise above that; power of the noise with which `arm` grows: from two thirds
 # on the directions of lines are known as well as with less noise.
 _JUMP_GROWTH, _ARM_GROWTH = 8.0, 0.9
-
-# Bins of the histogram: of 3 degrees, which smoothing and a parabola through the best shift make finer.
-N_DIRECTIONS = 120
-_LEAST_NORM2 = 1e-12  # square metres, so that a scan without surfaces is not divided by zero
 
 
 class Surfaces(NamedTuple):
@@ -40,19 +36,10 @@ class Surfaces(NamedTuple):
     image: RangeImage  # the readings and the lines through them, and which reading stands in which direction
 
 
-class Landmarks(NamedTuple):
-    """What poses are proposed from."""
-
-    keypoints: Floats  # (k, 5): corners and ends of surfaces; columns as in keypoints.py
-    directions: Floats  # (120,): length of surface that faces each direction
-
-
 class CurvescanFeatures(Surfaces):
     """What the matcher knows of one scan; its landmarks from when they are first asked for."""
 
     is_closed: bool  # whether the last beam neighbours the first
-    range_sigma: float  # range noise, metres
-    rules: KeypointsConfig  # what corners and ends are
 
     @property
     def wide_image(self) -> RangeImage:
@@ -71,9 +58,8 @@ class CurvescanFeatures(Surfaces):
 
     @cached_property
     def landmarks(self) -> Landmarks:
-        """Corners, ends and directions of surfaces: a match near a good prior needs none, and they take long."""
-        rules = self.rules.arm_lengths, self.rules.min_turn, self.rules.max_keypoints
-        return Landmarks(*find_landmarks(self.image.surfels, self.bounds, self.is_closed, self.range_sigma, *rules))
+        """Walls, edges, directions and axis: a match near a good prior needs none of them."""
+        return Landmarks(*find_landmarks(self.image.surfels, self.image.samples, self.bounds, self.is_closed))
 
 
 def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatures:
@@ -83,7 +69,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
     segments = config.segments
     angles = scan.angles[:0] if is_even else scan.angles
     n_slots = 0 if not is_even else max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
-    beam_idx, bounds, surfels, few, label, is_free, is_small, table, range_sigma = extract(
+    beam_idx, bounds, surfels, few, label, is_free, is_small, table = extract(
         Sweep(scan.ranges, scan.directions, scan.valid, angles, step, is_clockwise, is_closed),
         (segments.incidence_limit, segments.jump, segments.arm, segments.range_sigma_min),
         (config.scoring.n_samples, n_slots),
@@ -97,15 +83,15 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
     azimuth = np.array([math.remainder(angle_min, 2.0 * math.pi), density, density * step])
     objects, image = Objects(label, is_free, is_small), RangeImage(few, surfels, azimuth, table)
     features = CurvescanFeatures(n, beam_idx, bounds, objects, image)
-    features.is_closed, features.range_sigma, features.rules = is_closed, range_sigma, config.keypoints
+    features.is_closed = is_closed
     return features
 
 
 @kernel
 def extract(
     sweep: Sweep, lengths: tuple[float, float, float, float], counts: tuple[int, int]
-) -> tuple[Ints, Ints, Floats, Floats, Ints, Bools, Bools, Ints, float]:
-    """Return beams, bounds, surfels, samples, objects, azimuths and the range noise, metres.
+) -> tuple[Ints, Ints, Floats, Floats, Ints, Bools, Bools, Ints]:
+    """Return beams, bounds, surfels, samples, objects and azimuths.
 
     What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
     depends on the noise, which is estimated from the lines: where it is large, segments and lines are found anew with
@@ -124,43 +110,4 @@ def extract(
     samples = choose_samples(surfels, n_samples)
     table = azimuth_table(beam_idx, sweep.ranges.size, n_slots, sweep.is_clockwise, sweep.is_closed)
     label, is_free, is_small = find_objects(surfels, bounds)
-    return beam_idx, bounds, surfels, samples, label, is_free, is_small, table, sigma
-
-
-@kernel
-def find_landmarks(
-    surfels: Floats, bounds: Ints, is_closed: bool, sigma: float, arms: Floats, min_turn: float, max_keypoints: int
-) -> tuple[Floats, Floats]:
-    """Return the fields of Landmarks."""
-    readings = np.empty((surfels.shape[0], RANGE + 1))  # short rows, which stay in the cache
-    for i in range(readings.shape[0]):
-        for column in (X, Y, RANGE):
-            readings[i, column] = surfels[i, column]
-    sums = moments(readings)
-    found = np.empty((2 * max_keypoints, 5))
-    n = find_corners(found, readings, sums, bounds, arms, sigma, min_turn, max_keypoints)
-    n = add_ends(found[: n + max_keypoints], n, readings, sums, bounds, arms[arms.size // 2], is_closed)
-    return found[:n].copy(), direction_histogram(surfels)
-
-
-@kernel
-def direction_histogram(surfels: Floats) -> Floats:
-    """Return (120,) the length of surface that faces each direction, smoothed, of unit norm; it turns with the sensor.
-
-    As in Weiss and von Puttkamer, 1995.
-    """
-    counts = np.zeros(N_DIRECTIONS)
-    places = np.empty(surfels.shape[0])
-    for i in range(places.size):  # in a loop of its own, which the compiler turns into vector instructions
-        places[i] = (bearing(surfels[i, NX], surfels[i, NY]) + math.pi) * float(N_DIRECTIONS) / (2.0 * math.pi)
-    for i in range(places.size):
-        k = min(int(places[i]), N_DIRECTIONS - 1)
-        share = places[i] - k
-        counts[k] += (1.0 - share) * surfels[i, LENGTH]
-        counts[k + 1 if k < N_DIRECTIONS - 1 else 0] += share * surfels[i, LENGTH]
-    smooth = np.empty(N_DIRECTIONS)
-    total = _LEAST_NORM2
-    for k in range(N_DIRECTIONS):
-        smooth[k] = counts[k - 1] + 2.0 * counts[k] + counts[(k + 1) % N_DIRECTIONS]
-        total += smooth[k] * smooth[k]
-    return smooth / math.sqrt(total)
+    return beam_idx, bounds, surfels, samples, label, is_free, is_small, table

@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.config import NEAR, SAME, CurvescanConfig
-from curvescan.matchers.curvescan.features.features import CurvescanFeatures, Landmarks
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.landmarks import Landmarks
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.pose_difference import distance
 from curvescan.matchers.curvescan.prior import Prior, tells
-from curvescan.matchers.curvescan.proposal.hypotheses import most_voted, pair_keypoints
-from curvescan.matchers.curvescan.proposal.rotation_hypotheses import (
-    aligned_translations,
-    degenerate_hypotheses,
-    rotation_hypotheses,
-)
+from curvescan.matchers.curvescan.proposal.rotation_hypotheses import degenerate_hypotheses, rotation_hypotheses
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, MOVED_ALONG, ROUGH, select
+from curvescan.matchers.curvescan.proposal.translation_hypotheses import translation_hypotheses
 from curvescan.matchers.curvescan.refinement import refine
+from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
 
-_MAX_PAIRS = 4000  # pairs of keypoints taken, at most
-# Where no pose finds support, places up to so many metres along each axis are tried at which walls coincide within so
-# many metres, and so many an axis.
-_ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED = 2.0, SAME, 3
+_LEAST_SCORE = 0.1  # of a candidate: what scores less is there by chance, also its turn
+# Then turns so many radians and twice as many to either side of the likeliest are tried. The directions of clutter tell
+# the turn no better.
+_TURN_STEP = 0.1
+_N_ROUNDS = 2  # in which walls are laid on each other once more, at most
 _N_KEPT = 4  # poses that are refined
 CONTESTED = 0.3  # a pose with this share of the best one's score competes with it, and is judged beside it
-_FEW_TRIED, _CERTAIN_SCORE = 24, 0.55  # see Effort
+_CERTAIN_SCORE = 0.55  # see Effort
 
 
 class Problem(NamedTuple):
@@ -45,18 +45,13 @@ class Effort(NamedTuple):
     """How widely poses are looked for; as constants each would make Numba compile the kernels that take it anew."""
 
     sigmas: Floats  # schedule of a quick refinement
-    min_turn: float  # by which the turns of two keypoints may differ, radians
-    max_pairs: int  # of keypoints
-    cell: float  # width of a cell of votes, metres
-    max_tried: int  # voted poses
+    max_tried: int  # places at which walls coincide
     n_rotations: int  # turns by the directions of surfaces
     along_step: float  # of places along a corridor, metres
     n_along: int  # places to each side
     degenerate_ratio: float  # as in InformationConfig
     doubtful_score: float  # as in ScoringConfig
-    # with fewer poses than this to try, or a close rival, other ways are tried up to that score
-    few_tried: int
-    certain_score: float
+    certain_score: float  # from which on no other turn is tried
     # of rough, moved and closely refined poses how many are kept, and the samples that are tried first
     n_kept: tuple[int, int, int]
     n_first: tuple[int, int, int]
@@ -80,16 +75,12 @@ def effort_of(config: CurvescanConfig) -> Effort:
     steps, scoring = config.hypotheses, config.scoring
     return Effort(
         config.refinement.quick_schedule,
-        config.keypoints.min_turn,
-        _MAX_PAIRS,
-        steps.cell,
         steps.max_tried,
         steps.n_rotations,
         steps.along_step,
         round(steps.along_reach / steps.along_step),
         config.information.degenerate_ratio,
         scoring.doubtful_score,
-        _FEW_TRIED,
         _CERTAIN_SCORE,
         (_N_KEPT, _N_KEPT + 1, 3),
         (6, 12, 64),
@@ -138,34 +129,60 @@ def search(
 ) -> tuple[Floats, Floats, int]:
     """Return the fields of Candidates: the best poses that landmarks and the prior propose, and the `near` one.
 
-    Where they find little support, and the best is not where the prior has it, the places where walls of both
-    scans coincide are tried as well.
+    Where they find little support, and the best is not where the prior has it, walls are laid on each other once more,
+    with its turn: among round things the turns of the directions are too far off.
     """
     rotated = rotation_hypotheses(marks_ref.directions, marks_cur.directions, effort.n_rotations, prior.pose)
-    pairs = pair_keypoints(marks_ref.keypoints, marks_cur.keypoints, ref, cur, effort.min_turn, effort.max_pairs)
-    tried = stack(rotated, most_voted(pairs, effort.cell, 0.5 * effort.cell, effort.max_tried))
+    tried = stack(rotated, translation_hypotheses(rotated, ref, cur, marks_ref, marks_cur, effort.max_tried))
     poses, scores = explore(tried, ref, cur, effort)
-    is_expected = scores.size > 0 and scores[0] > effort.doubtful_score and tells(prior, poses)
-    if not is_expected and is_doubtful(scores, tried.shape[0], effort):
-        aligned = aligned_translations(rotated, ref.samples, cur.samples, _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED)
-        tried = stack(poses, aligned)
-        poses, scores = explore(tried, ref, cur, effort)
+    turned, n_tried = rotated, tried.shape[0]
+    for _ in range(_N_ROUNDS):
+        if is_found(poses, scores, turned, prior, effort):
+            break
+        is_turn_known = scores.size > 0 and scores[0] > _LEAST_SCORE
+        turned = poses[:1] if is_turn_known else turns_beside(rotated[min(1, rotated.shape[0] - 1)])
+        coinciding = translation_hypotheses(turned, ref, cur, marks_ref, marks_cur, effort.max_tried)
+        before = poses
+        poses, scores = explore(stack(before, coinciding), ref, cur, effort)
+        n_tried += coinciding.shape[0]
+        if is_turn_known and poses.shape[0] > 0 and distance(before[0], poses[0]) < SAME:
+            break
+    n_likely = scores.size - scores.size  # 0 that is no constant
+    while n_likely < scores.size and scores[n_likely] > _LEAST_SCORE:
+        n_likely += 1
+    poses, scores = poses[:n_likely], scores[:n_likely]
     for k in range(scores.size):
         if near_scores.size == 0 or distance(near[0], poses[k]) < SAME:
-            return poses, scores, tried.shape[0]
+            return poses, scores, n_tried
     with_near = np.empty(scores.size + near_scores.size)
     for k in range(with_near.size):
         with_near[k] = scores[k] if k < scores.size else near_scores[k - scores.size]
-    return stack(poses, near), with_near, tried.shape[0] + near_scores.size
+    return stack(poses, near), with_near, n_tried + near_scores.size
 
 
 @inlined
-def is_doubtful(scores: Floats, n_tried: int, effort: Effort) -> bool:
-    """Return whether the best pose finds little support, or middling with few poses or a close competing hypothesis."""
-    if scores.size == 0 or scores[0] < effort.doubtful_score:
-        return True
-    has_rival = scores.size > 1 and scores[1] > CONTESTED * scores[0]
-    return bool(scores[0] < effort.certain_score and (n_tried < effort.few_tried or has_rival))
+def is_found(poses: Floats, scores: Floats, turned: Floats, prior: Prior, effort: Effort) -> bool:
+    """Return whether the best pose finds much support, or some where the prior has it.
+
+    One that was refined to a turn that none of (h, 3) `turned` has is not: its rivals were not tried.
+    """
+    if scores.size == 0:
+        return False
+    nearest = math.pi
+    for h in range(turned.shape[0]):
+        nearest = min(nearest, abs(wrap_angle(turned[h, 2] - poses[0, 2])))
+    is_certain = scores[0] > effort.certain_score and nearest < 0.5 * SAME
+    return bool(is_certain or (scores[0] > effort.doubtful_score and tells(prior, poses)))
+
+
+@kernel
+def turns_beside(pose: Floats) -> Floats:
+    """Return (4, 3) poses turned a little to either side of one."""
+    turned = np.empty((4, 3))
+    for k in range(turned.shape[0]):
+        turned[k, 0], turned[k, 1] = pose[0], pose[1]
+        turned[k, 2] = pose[2] + _TURN_STEP * (k - 2 if k < 2 else k - 1)
+    return turned
 
 
 @kernel

@@ -1,0 +1,142 @@
+"""Translation hypotheses: places at which walls and edges of both scans coincide, for each turn.
+
+What faces along an axis of the scene makes a profile of lengths by place. Where the profiles of two scans correlate,
+walls coincide (Weiss and von Puttkamer 1995). Departure: stretches of wall count by the root of their length, and edges
+stand in the profiles as well. Of a corridor the jambs of doors are all that lies across.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan._jit import inlined, kernel
+from curvescan.matchers.curvescan.config import NEAR, SAME
+from curvescan.matchers.curvescan.features.landmarks import FACING_X, FACING_Y, MARK_X, MARK_Y, Landmarks
+from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE
+from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_at
+from curvescan.matchers.curvescan.features.surfels import RANGE
+from curvescan.matchers.curvescan.proposal.correlation import correlate, peaks_of
+from curvescan.types import Floats
+
+_BIN = 2.0 * SAME  # metres
+# Bins of a profile: what lies 25.6 m on is in the same ones. Of these as many shifts are tried, 6.4 m each way: farther
+# off is no less likely than three standard deviations of the wide prior.
+_N_BINS, _N_SHIFTS = 128, 64
+_EDGE_LENGTH = NEAR  # metres of wall that an edge counts as
+_N_PLACES = 12  # along each axis
+
+
+@kernel
+def profiles_of(marks: Landmarks, turn: float) -> Floats:
+    """Return (4, n) roots of the lengths that face along the x axis, against it, and so of y, of a scan turned."""
+    found = np.zeros((4, _N_BINS))
+    c, s = math.cos(turn), math.sin(turn)
+    walls, edges = marks.walls, marks.edges
+    for i in range(walls.shape[0]):
+        x, y = c * walls[i, MARK_X] - s * walls[i, MARK_Y], s * walls[i, MARK_X] + c * walls[i, MARK_Y]
+        fx, fy = c * walls[i, FACING_X] - s * walls[i, FACING_Y], s * walls[i, FACING_X] + c * walls[i, FACING_Y]
+        if abs(fx) > 2.0 * abs(fy):
+            add(found, 0 if fx > 0.0 else 1, x, abs(fx))
+        elif abs(fy) > 2.0 * abs(fx):
+            add(found, 2 if fy > 0.0 else 3, y, abs(fy))
+    for i in range(edges.shape[0]):
+        x, y = c * edges[i, MARK_X] - s * edges[i, MARK_Y], s * edges[i, MARK_X] + c * edges[i, MARK_Y]
+        fx, fy = c * edges[i, FACING_X] - s * edges[i, FACING_Y], s * edges[i, FACING_X] + c * edges[i, FACING_Y]
+        add(found, 0 if fx > 0.0 else 1, x, _EDGE_LENGTH)
+        add(found, 2 if fy > 0.0 else 3, y, _EDGE_LENGTH)
+    return np.sqrt(found)
+
+
+@inlined
+def add(profiles: Floats, row: int, place: float, length: float) -> None:
+    """Add a length to the two bins beside a place."""
+    at = place / _BIN
+    k = math.floor(at)
+    profiles[row, k % _N_BINS] += (1.0 - (at - k)) * length
+    profiles[row, (k + 1) % _N_BINS] += (at - k) * length
+
+
+@kernel
+def smoothed_twice(profiles: Floats) -> Floats:
+    """Return (4, 2 n) profiles, smoothed, each twice in a row."""
+    n = profiles.shape[1]
+    twice = np.empty((profiles.shape[0], 2 * n))
+    for row in range(profiles.shape[0]):
+        for k in range(n):
+            beside = profiles[row, k - 1] + profiles[row, (k + 1) % n]
+            twice[row, k] = twice[row, k + n] = profiles[row, k] + 0.5 * beside
+    return twice
+
+
+@inlined
+def is_in_sight(x: float, y: float, image: RangeImage, margin: float) -> bool:
+    """Return whether a scan leaves the way from its sensor to a place free, as far as it saw."""
+    j = reading_at(x, y, image)
+    if j < 0:
+        return True
+    reach = image.surfels[j, RANGE] + margin
+    return bool(x * x + y * y < reach * reach)
+
+
+@kernel
+def coinciding_places(turned: Floats, axis: float, marks_ref: Landmarks, marks_cur: Landmarks) -> tuple[Floats, Floats]:
+    """Return (h, 2, 12) places along both axes at which walls coincide, for (h, 3) poses, and how well, falling.
+
+    -1: there are no more. Where no walls coincide the place is that of the pose.
+    """
+    places, heights = np.empty((turned.shape[0], 2, _N_PLACES)), np.full((turned.shape[0], 2, _N_PLACES), -1.0)
+    own, likeness = smoothed_twice(profiles_of(marks_ref, -axis)), np.empty(_N_SHIFTS)
+    c, s = math.cos(axis), math.sin(axis)
+    for h in range(turned.shape[0]):
+        other = profiles_of(marks_cur, turned[h, 2] - axis)
+        x, y = turned[h, 0], turned[h, 1]
+        for way in range(2):
+            around = c * x + s * y if way == 0 else c * y - s * x
+            first = math.floor(around / _BIN) - _N_SHIFTS // 2
+            likeness[:] = 0.0
+            for row in (2 * way, 2 * way + 1):
+                correlate(likeness, own[row], other[row], first)
+            at, height = peaks_of(likeness, _N_PLACES)
+            places[h, way, 0], heights[h, way, 0] = around, 0.0
+            for k in range(at.size):
+                places[h, way, k], heights[h, way, k] = (first + at[k]) * _BIN, height[k]
+    return places, heights
+
+
+@kernel
+def translation_hypotheses(
+    turned: Floats, ref: RangeImage, cur: RangeImage, marks_ref: Landmarks, marks_cur: Landmarks, n_most: int
+) -> Floats:
+    """Return (k, 3) poses with the turns of (h, 3) given ones, where walls coincide along both axes, the best first.
+
+    The n_most best are looked at. Left out are those at which one sensor would stand behind what the other saw.
+    """
+    axis = marks_ref.axis
+    places, heights = coinciding_places(turned, axis, marks_ref, marks_cur)
+    poses = np.empty((n_most, 3))
+    upcoming = np.zeros((turned.shape[0], _N_PLACES), dtype=np.int64)  # along the second axis, by that along the first
+    n = n_most - n_most  # 0 that is no constant
+    for _ in range(n_most):
+        most, h, i = -1.0, 0, 0
+        for t in range(turned.shape[0]):
+            for p in range(_N_PLACES):
+                q = upcoming[t, p]
+                if heights[t, 0, p] < 0.0:
+                    break
+                if q < _N_PLACES and heights[t, 1, q] >= 0.0 and heights[t, 0, p] + heights[t, 1, q] > most:
+                    most, h, i = heights[t, 0, p] + heights[t, 1, q], t, p
+                if q == 0:
+                    break  # those after it coincide less
+        if most < 0.0:
+            break
+        u, v = places[h, 0, i], places[h, 1, upcoming[h, i]]
+        upcoming[h, i] += 1
+        x, y = math.cos(axis) * u - math.sin(axis) * v, math.sin(axis) * u + math.cos(axis) * v
+        theta = turned[h, 2]
+        c, s = math.cos(theta), math.sin(theta)
+        if is_in_sight(x, y, ref, STANDS_BEFORE) and is_in_sight(-c * x - s * y, s * x - c * y, cur, STANDS_BEFORE):
+            poses[n, 0], poses[n, 1], poses[n, 2] = x, y, theta
+            n += 1
+    return poses[:n]

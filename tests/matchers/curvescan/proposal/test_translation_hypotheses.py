@@ -1,0 +1,94 @@
+"""Places at which walls and edges of both scans coincide."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan.matchers.curvescan.features.landmarks import Landmarks
+from curvescan.matchers.curvescan.proposal.translation_hypotheses import (
+    coinciding_places,
+    is_in_sight,
+    profiles_of,
+    translation_hypotheses,
+)
+from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
+from tests.matchers.curvescan.scenes import features, pair, pillar_scan
+
+
+def proposed(ref, cur, turned, n_most=48):
+    return translation_hypotheses(np.array(turned), ref.image, cur.image, ref.landmarks, cur.landmarks, n_most)
+
+
+@pytest.mark.parametrize("motion", [(0.55, -0.45, 0.2), (-0.35, 0.3, 0.2), (0.05, 0.6, -1.5)])
+def test_walls_that_coincide_propose_the_translation(motion):
+    ref, cur = pair(motion=np.array(motion))
+    poses = proposed(ref, cur, [[0.0, 0.0, motion[2]]])
+    assert 1 <= len(poses) <= 48
+    assert (poses[:, 2] == motion[2]).all()
+    assert np.hypot(*(poses[:5, :2] - motion[:2]).T).min() < 0.12
+    assert len(proposed(ref, cur, [[0.0, 0.0, motion[2]]], 3)) <= 3
+
+
+def test_the_turn_at_which_most_walls_coincide_comes_first():
+    motion = np.array([0.55, -0.45, 0.2])
+    ref, cur = pair(motion=motion)
+    poses = proposed(ref, cur, [[0.0, 0.0, 2.0], [0.0, 0.0, 0.2]])
+    assert poses[0, 2] == 0.2
+    assert np.hypot(*(poses[:5, :2] - motion[:2]).T).min() < 0.12
+
+
+def test_places_are_looked_for_around_the_pose_and_not_beyond_reach():
+    ref, cur = pair(motion=np.array([0.55, -0.45, 0.2]))
+    far = np.array([[4.0, -4.0, 0.2]])
+    places, heights = coinciding_places(far, 0.0, ref.landmarks, cur.landmarks)
+    found = heights[0, 0] > 0.0
+    assert found.any()
+    assert np.abs(places[0, 0, found] - 4.0).max() < 6.7
+    assert (np.diff(heights[0, 0, found]) <= 0.0).all()
+
+
+def test_a_sensor_does_not_stand_behind_a_wall():
+    image = features(pillar_scan(sigma=0.0)).image
+    assert is_in_sight(0.0, 0.0, image, 0.1)
+    assert is_in_sight(2.9, 0.1, image, 0.1)
+    assert not is_in_sight(3.3, 0.1, image, 0.1)
+    assert is_in_sight(-5.0, 0.0, image, 0.1)  # out of the field of view: nobody knows
+    ref, cur = pair()
+    for x, y, theta in proposed(ref, cur, [[0.0, 0.0, 0.1], [0.0, 0.0, 1.7]]):
+        back = cs.se2.inverse(np.array([x, y, theta]))
+        assert is_in_sight(x, y, ref.image, 0.1)
+        assert is_in_sight(back[0], back[1], cur.image, 0.1)
+
+
+def marks(walls=(), edges=()):
+    none = np.empty((0, 4))
+    return Landmarks(np.array(walls) if walls else none, np.array(edges) if edges else none, np.empty(0), 0.0)
+
+
+def test_a_profile_holds_roots_of_lengths_by_place_and_side():
+    # 1.5 m of wall at x = 1.05 that faces against x, a quarter of a bin beyond one; and the same a period on
+    found = profiles_of(marks(walls=[[1.05, 9.0, -1.5, 0.1], [1.05 + 25.6, 9.0, -1.5, 0.1]]), 0.0)
+    np.testing.assert_allclose(found[1, [5, 6]] ** 2, [3.0 * 0.75, 3.0 * 0.25])
+    assert np.count_nonzero(found) == 2
+    # turned by a right angle it faces against y, at y = 1.05
+    found = profiles_of(marks(walls=[[1.05, 9.0, -1.5, 0.1]]), 0.5 * math.pi)
+    np.testing.assert_allclose(found[3, [5, 6]] ** 2, [1.5 * 0.75, 1.5 * 0.25])
+    # a wall across both axes is in none, an edge in both, on the side that is hidden
+    assert not profiles_of(marks(walls=[[1.0, 2.0, 1.0, 0.8]]), 0.0).any()
+    found = profiles_of(marks(edges=[[1.0, -2.0, 0.1, -0.995]]), 0.0)
+    np.testing.assert_allclose((found**2).sum(axis=1), [0.3, 0.0, 0.0, 0.3])
+    assert found[0, 5] > 0.0
+    assert found[3, -10] > 0.0
+
+
+def test_without_walls_across_an_axis_a_pose_stays():
+    ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
+    places, heights = coinciding_places(np.array([[0.3, 0.0, 0.0]]), 0.0, ref.landmarks, cur.landmarks)
+    assert places[0, 0, 0] == 0.3
+    assert heights[0, 0, 0] == 0.0
+    assert (heights[0, 0, 1:] == -1.0).all()
+    assert heights[0, 1, 0] > 0.0
