@@ -41,6 +41,15 @@ def pillar_scan(pose=(0.0, 0.0, 0.0), *, sigma=0.005, seed=0, n_beams=361, fov=m
     return cs.LaserScan(ranges + noise, angle_min=-fov / 2, angle_increment=increment, range_max=20.0, **kwargs)
 
 
+def hall_scan(x, *, sigma=0.005, seed=0, width=2.0):
+    """A half circle in a corridor along x, endless both ways, seen from its middle."""
+    angles = np.linspace(-math.pi / 2, math.pi / 2, 361)
+    with np.errstate(divide="ignore"):
+        ranges = 0.5 * width / np.abs(np.sin(angles))
+    noise = sigma * np.random.default_rng(seed).standard_normal(361)
+    return cs.LaserScan(ranges + noise, angle_min=-math.pi / 2, angle_increment=math.pi / 360, range_max=8.0)
+
+
 def turned(scan, angle):
     """The scan of a sensor whose frame is turned against that of its beams by an angle more, radians."""
     return replace(scan, angle_min=scan.angle_min + angle, angles=None)

@@ -28,8 +28,7 @@ from curvescan.matchers.curvescan.proposal.search import Candidates, Problem
 from curvescan.matchers.result import prior_of
 from curvescan.simulation import SENSORS, World, simulate
 from deceptive import deceptive_pairs
-from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
-from tests.matchers.curvescan.scenes import MOTION, features, pair, weigh
+from tests.matchers.curvescan.scenes import MOTION, features, hall_scan, pair, weigh
 
 CONFIG = CurvescanConfig()
 

@@ -11,8 +11,7 @@ import curvescan as cs
 from curvescan.matchers import DEFAULT_METHOD, Label
 from curvescan.matchers.curvescan.config import CurvescanConfig, HypothesesConfig
 from curvescan.simulation import simulate_pairs
-from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
-from tests.matchers.curvescan.scenes import MOTION, pillar_scan, turned
+from tests.matchers.curvescan.scenes import MOTION, hall_scan, pillar_scan, turned
 from tests.scenes import room_scan
 
 SUCCESS = (0.1, math.radians(2.0))

@@ -21,7 +21,6 @@ from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, X, Y
 from curvescan.matchers.curvescan.prior import Prior, log_odds
-from curvescan.matchers.curvescan.proposal.rotation_hypotheses import dominant_axis
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, FINE, select
 from curvescan.matchers.curvescan.proposal.search import CONTESTED, Candidates, Problem
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine
@@ -56,7 +55,7 @@ def images_of(ref: CurvescanFeatures, assessment: Assessment, weighed: WeighedPo
     images = [2.0 * best - weighed.poses[k] for k in weighed.repeated_along()]
     if weighed.is_bare and (is_agreeing := assessment.codes_ref == INLIER).any():
         # about the middle of the rectangle that agrees
-        axis = dominant_axis(ref.image.samples)
+        axis = ref.landmarks.axis
         to_room = np.array([[math.cos(axis), -math.sin(axis)], [math.sin(axis), math.cos(axis)]])
         agreeing = ref.image.surfels[is_agreeing][:, [X, Y]] @ to_room
         x, y = to_room @ (0.5 * (agreeing.min(axis=0) + agreeing.max(axis=0)))

@@ -16,8 +16,7 @@ from curvescan.matchers.curvescan.assessment.assessment import (
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, OCCLUDED
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.surfels import X
-from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
-from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, pair
+from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, hall_scan, pair
 
 CONFIG = CurvescanConfig()
 RULES = CONFIG.information

@@ -21,8 +21,7 @@ from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.objects import find_objects
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, N_COLUMNS, NX, NY, RANGE, VARIANCE, X, Y
-from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
-from tests.matchers.curvescan.scenes import MOTION, features, pair, turned
+from tests.matchers.curvescan.scenes import MOTION, features, hall_scan, pair, turned
 
 CONFIG = CurvescanConfig()
 

@@ -24,8 +24,7 @@ from curvescan.matchers.curvescan.config import InformationConfig
 from curvescan.matchers.curvescan.features.objects import Objects
 from curvescan.matchers.curvescan.features.surfels import N_COLUMNS, NX, NY, TILT, VARIANCE, X, Y
 from curvescan.matchers.curvescan.refinement import refine
-from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
-from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, pair, pillar_scan
+from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, hall_scan, pair, pillar_scan
 from tests.reference import curvescan as slow
 
 

@@ -14,8 +14,7 @@ from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal import search as rules
 from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, at_prior, effort_of, searched
 from curvescan.matchers.result import Outcome, prior_of
-from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
-from tests.matchers.curvescan.scenes import MOTION, features, pair
+from tests.matchers.curvescan.scenes import MOTION, features, hall_scan, pair
 
 CONFIG = CurvescanConfig()
 

@@ -31,9 +31,8 @@ from curvescan.types import Floats
 # Share of the spacing of two readings on a surface by which a point of it may lie from the nearest one: half, and some
 # more where the surface is not straight.
 ALONG = 0.6
-# Tolerances of a pose not yet refined, moved along a corridor, quickly refined, and to be judged: metres, and metres
-# for each metre of range.
-ROUGH, MOVED_ALONG, CLOSE, FINE = (0.08, 0.03), (0.06, 0.01), (0.04, 0.005), (0.03, 0.004)
+# Tolerances of a pose not yet refined, quickly refined, and to be judged: metres, and metres for each metre of range.
+ROUGH, CLOSE, FINE = (0.08, 0.03), (0.04, 0.005), (0.03, 0.004)
 # Square of how far along a surface a point may lie from the nearest reading, besides, in limits across it.
 _REACH2 = SURE_SIGMAS * SURE_SIGMAS
 # What is uncertain of a score of one sample; of n it is this over their root. A sample counts from -0.5 to 1.

@@ -14,9 +14,8 @@ from curvescan.matchers.curvescan.features.landmarks import Landmarks
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.pose_difference import distance
 from curvescan.matchers.curvescan.prior import Prior, tells
-from curvescan.matchers.curvescan.proposal.rotation_hypotheses import degenerate_hypotheses, rotation_hypotheses
-from curvescan.matchers.curvescan.proposal.scoring import CLOSE, MOVED_ALONG, ROUGH, select
-from curvescan.matchers.curvescan.proposal.translation_hypotheses import translation_hypotheses
+from curvescan.matchers.curvescan.proposal.hypotheses import rotation_hypotheses, translation_hypotheses
+from curvescan.matchers.curvescan.proposal.scoring import CLOSE, ROUGH, select
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
@@ -25,8 +24,7 @@ _LEAST_SCORE = 0.1  # of a candidate: what scores less is there by chance, also 
 # Then turns so many radians and twice as many to either side of the likeliest are tried. The directions of clutter tell
 # the turn no better.
 _TURN_STEP = 0.1
-_N_ROUNDS = 2  # in which walls are laid on each other once more, at most
-_N_KEPT = 4  # poses that are refined
+_N_REFINED, _N_KEPT = 4, 3  # poses that are refined, and of these how many are candidates
 CONTESTED = 0.3  # a pose with this share of the best one's score competes with it, and is judged beside it
 _CERTAIN_SCORE = 0.55  # see Effort
 
@@ -47,14 +45,11 @@ class Effort(NamedTuple):
     sigmas: Floats  # schedule of a quick refinement
     max_tried: int  # places at which walls coincide
     n_rotations: int  # turns by the directions of surfaces
-    along_step: float  # of places along a corridor, metres
-    n_along: int  # places to each side
-    degenerate_ratio: float  # as in InformationConfig
     doubtful_score: float  # as in ScoringConfig
-    certain_score: float  # from which on no other turn is tried
-    # of rough, moved and closely refined poses how many are kept, and the samples that are tried first
-    n_kept: tuple[int, int, int]
-    n_first: tuple[int, int, int]
+    certain_score: float  # from which on a prior is followed
+    # poses refined and kept, and of which samples the rough and the close score are taken first
+    n_kept: tuple[int, int]
+    n_first: tuple[int, int]
 
 
 class Candidates(NamedTuple):
@@ -72,18 +67,15 @@ NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
 
 def effort_of(config: CurvescanConfig) -> Effort:
     """Return how widely poses are looked for."""
-    steps, scoring = config.hypotheses, config.scoring
+    hypotheses, scoring = config.hypotheses, config.scoring
     return Effort(
         config.refinement.quick_schedule,
-        steps.max_tried,
-        steps.n_rotations,
-        steps.along_step,
-        round(steps.along_reach / steps.along_step),
-        config.information.degenerate_ratio,
+        hypotheses.max_tried,
+        hypotheses.n_rotations,
         scoring.doubtful_score,
         _CERTAIN_SCORE,
-        (_N_KEPT, _N_KEPT + 1, 3),
-        (6, 12, 64),
+        (_N_REFINED, _N_KEPT),
+        (6, 64),
     )
 
 
@@ -112,7 +104,7 @@ def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort)
     for k in range(3):
         guess[0, k] = prior.pose[k]
     refined, n_kept = refine(guess, ref, cur, effort.sigmas), len(guess)  # 1 that is no constant
-    near, scores = select(refined, ref, cur, CLOSE[0], CLOSE[1], n_kept, effort.n_first[2], NEAR)
+    near, scores = select(refined, ref, cur, CLOSE[0], CLOSE[1], n_kept, effort.n_first[1], NEAR)
     return near, scores, scores.size > 0 and scores[0] > effort.certain_score and tells(prior, near)
 
 
@@ -129,24 +121,19 @@ def search(
 ) -> tuple[Floats, Floats, int]:
     """Return the fields of Candidates: the best poses that landmarks and the prior propose, and the `near` one.
 
-    Where they find little support, and the best is not where the prior has it, walls are laid on each other once more,
+    Where they find little support, or the best has a turn that was not tried, walls are laid on each other once more,
     with its turn: among round things the turns of the directions are too far off.
     """
-    rotated = rotation_hypotheses(marks_ref.directions, marks_cur.directions, effort.n_rotations, prior.pose)
-    tried = stack(rotated, translation_hypotheses(rotated, ref, cur, marks_ref, marks_cur, effort.max_tried))
+    turned = rotation_hypotheses(marks_ref.directions, marks_cur.directions, effort.n_rotations, prior.pose)
+    tried = stack(turned, translation_hypotheses(turned, ref, cur, marks_ref, marks_cur, effort.max_tried))
     poses, scores = explore(tried, ref, cur, effort)
-    turned, n_tried = rotated, tried.shape[0]
-    for _ in range(_N_ROUNDS):
-        if is_found(poses, scores, turned, prior, effort):
-            break
+    n_tried = tried.shape[0]
+    if not is_found(poses, scores, turned, prior, effort):
         is_turn_known = scores.size > 0 and scores[0] > _LEAST_SCORE
-        turned = poses[:1] if is_turn_known else turns_beside(rotated[min(1, rotated.shape[0] - 1)])
-        coinciding = translation_hypotheses(turned, ref, cur, marks_ref, marks_cur, effort.max_tried)
-        before = poses
-        poses, scores = explore(stack(before, coinciding), ref, cur, effort)
-        n_tried += coinciding.shape[0]
-        if is_turn_known and poses.shape[0] > 0 and distance(before[0], poses[0]) < SAME:
-            break
+        turned = poses[:1] if is_turn_known else turns_beside(turned[min(1, turned.shape[0] - 1)])
+        tried = translation_hypotheses(turned, ref, cur, marks_ref, marks_cur, effort.max_tried // 2)
+        poses, scores = explore(stack(poses, tried), ref, cur, effort)
+        n_tried += tried.shape[0]
     n_likely = scores.size - scores.size  # 0 that is no constant
     while n_likely < scores.size and scores[n_likely] > _LEAST_SCORE:
         n_likely += 1
@@ -162,17 +149,16 @@ def search(
 
 @inlined
 def is_found(poses: Floats, scores: Floats, turned: Floats, prior: Prior, effort: Effort) -> bool:
-    """Return whether the best pose finds much support, or some where the prior has it.
+    """Return whether the best pose finds support, and the prior has it, or one of (h, 3) `turned` its turn.
 
-    One that was refined to a turn that none of (h, 3) `turned` has is not: its rivals were not tried.
+    Of one that was refined to another turn the rivals were not tried.
     """
-    if scores.size == 0:
+    if scores.size == 0 or scores[0] < effort.doubtful_score:
         return False
     nearest = math.pi
     for h in range(turned.shape[0]):
         nearest = min(nearest, abs(wrap_angle(turned[h, 2] - poses[0, 2])))
-    is_certain = scores[0] > effort.certain_score and nearest < 0.5 * SAME
-    return bool(is_certain or (scores[0] > effort.doubtful_score and tells(prior, poses)))
+    return bool(nearest < 0.5 * SAME or tells(prior, poses))
 
 
 @kernel
@@ -198,17 +184,8 @@ def stack(first: Floats, second: Floats) -> Floats:
 
 @kernel
 def explore(poses: Floats, ref: RangeImage, cur: RangeImage, effort: Effort) -> tuple[Floats, Floats]:
-    """Return a few poses and their scores: the best of those given, refined.
-
-    If need be they are moved along a degenerate direction and refined again.
-    """
+    """Return a few poses and their scores: the best of those given, refined."""
     n_kept, n_first = effort.n_kept, effort.n_first
     chosen, _ = select(poses, ref, cur, ROUGH[0], ROUGH[1], n_kept[0], n_first[0], NEAR)
-    quick = refine(chosen, ref, cur, effort.sigmas)
-    moved_along = degenerate_hypotheses(quick[:2], ref, cur, effort.along_step, effort.n_along, effort.degenerate_ratio)
-    if moved_along.shape[0] > 0:
-        chosen, _ = select(
-            stack(quick, moved_along), ref, cur, MOVED_ALONG[0], MOVED_ALONG[1], n_kept[1], n_first[1], NEAR
-        )
-        quick = refine(chosen, ref, cur, effort.sigmas)
-    return select(quick, ref, cur, CLOSE[0], CLOSE[1], n_kept[2], n_first[2], NEAR)
+    refined = refine(chosen, ref, cur, effort.sigmas)
+    return select(refined, ref, cur, CLOSE[0], CLOSE[1], n_kept[1], n_first[1], NEAR)

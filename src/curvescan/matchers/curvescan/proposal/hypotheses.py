@@ -1,8 +1,9 @@
-"""Translation hypotheses: places at which walls and edges of both scans coincide, for each turn.
+"""Hypotheses: turns from the directions of surfaces, and for each the places at which walls and edges coincide.
 
-What faces along an axis of the scene makes a profile of lengths by place. Where the profiles of two scans correlate,
-walls coincide (Weiss and von Puttkamer 1995). Departure: stretches of wall count by the root of their length, and edges
-stand in the profiles as well. Of a corridor the jambs of doors are all that lies across.
+The histogram of the directions of all surfaces turns with the sensor. What faces along an axis of the scene makes a
+profile of lengths by place. Where those of two scans correlate is a candidate (Weiss and von Puttkamer 1995).
+Departure: stretches of wall count by the root of their length, and edges stand in the profiles as well. Of a corridor
+the jambs of doors are all that lies across.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_at
 from curvescan.matchers.curvescan.features.surfels import RANGE
 from curvescan.matchers.curvescan.proposal.correlation import correlate, peaks_of
+from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
 
 _BIN = 2.0 * SAME  # metres
@@ -26,6 +28,22 @@ _BIN = 2.0 * SAME  # metres
 _N_BINS, _N_SHIFTS = 128, 64
 _EDGE_LENGTH = NEAR  # metres of wall that an edge counts as
 _N_PLACES = 12  # along each axis
+
+
+@kernel
+def rotation_hypotheses(histogram_ref: Floats, histogram_cur: Floats, n_rotations: int, around: Floats) -> Floats:
+    """Return (k, 3) the pose `around`, and its place with the rotations at which the histograms correlate best."""
+    n = histogram_ref.size
+    likeness, twice = np.zeros(n), np.empty(2 * n)
+    for k in range(n):
+        twice[k] = twice[k + n] = histogram_ref[k]
+    correlate(likeness, twice, histogram_cur, 0)
+    shifts, _ = peaks_of(likeness, n_rotations)
+    poses = np.empty((shifts.size + 1, 3))
+    for k in range(poses.shape[0]):
+        poses[k, 0], poses[k, 1] = around[0], around[1]
+        poses[k, 2] = around[2] if k == 0 else wrap_angle(shifts[k - 1] * 2.0 * math.pi / n)
+    return poses
 
 
 @kernel
@@ -84,9 +102,9 @@ def is_in_sight(x: float, y: float, image: RangeImage, margin: float) -> bool:
 def coinciding_places(turned: Floats, axis: float, marks_ref: Landmarks, marks_cur: Landmarks) -> tuple[Floats, Floats]:
     """Return (h, 2, 12) places along both axes at which walls coincide, for (h, 3) poses, and how well, falling.
 
-    -1: there are no more. Where no walls coincide the place is that of the pose.
+    Where there are fewer, places around that of the pose follow, which count 0.
     """
-    places, heights = np.empty((turned.shape[0], 2, _N_PLACES)), np.full((turned.shape[0], 2, _N_PLACES), -1.0)
+    places, heights = np.empty((turned.shape[0], 2, _N_PLACES)), np.empty((turned.shape[0], 2, _N_PLACES))
     own, likeness = smoothed_twice(profiles_of(marks_ref, -axis)), np.empty(_N_SHIFTS)
     c, s = math.cos(axis), math.sin(axis)
     for h in range(turned.shape[0]):
@@ -99,9 +117,13 @@ def coinciding_places(turned: Floats, axis: float, marks_ref: Landmarks, marks_c
             for row in (2 * way, 2 * way + 1):
                 correlate(likeness, own[row], other[row], first)
             at, height = peaks_of(likeness, _N_PLACES)
-            places[h, way, 0], heights[h, way, 0] = around, 0.0
-            for k in range(at.size):
-                places[h, way, k], heights[h, way, k] = (first + at[k]) * _BIN, height[k]
+            for k in range(_N_PLACES):
+                if k < at.size:
+                    places[h, way, k], heights[h, way, k] = (first + at[k]) * _BIN, height[k]
+                else:
+                    n_steps = (k - at.size + 1) // 2
+                    places[h, way, k] = around + NEAR * (n_steps if (k - at.size) % 2 else -n_steps)
+                    heights[h, way, k] = 0.0
     return places, heights
 
 
@@ -118,19 +140,15 @@ def translation_hypotheses(
     poses = np.empty((n_most, 3))
     upcoming = np.zeros((turned.shape[0], _N_PLACES), dtype=np.int64)  # along the second axis, by that along the first
     n = n_most - n_most  # 0 that is no constant
-    for _ in range(n_most):
+    for _ in range(min(n_most, turned.shape[0] * _N_PLACES * _N_PLACES)):
         most, h, i = -1.0, 0, 0
         for t in range(turned.shape[0]):
             for p in range(_N_PLACES):
                 q = upcoming[t, p]
-                if heights[t, 0, p] < 0.0:
-                    break
-                if q < _N_PLACES and heights[t, 1, q] >= 0.0 and heights[t, 0, p] + heights[t, 1, q] > most:
+                if q < _N_PLACES and heights[t, 0, p] + heights[t, 1, q] > most:
                     most, h, i = heights[t, 0, p] + heights[t, 1, q], t, p
                 if q == 0:
                     break  # those after it coincide less
-        if most < 0.0:
-            break
         u, v = places[h, 0, i], places[h, 1, upcoming[h, i]]
         upcoming[h, i] += 1
         x, y = math.cos(axis) * u - math.sin(axis) * v, math.sin(axis) * u + math.cos(axis) * v

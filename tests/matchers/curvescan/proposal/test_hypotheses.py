@@ -1,4 +1,4 @@
-"""Places at which walls and edges of both scans coincide."""
+"""Turns from the directions of surfaces, and places at which walls and edges of both scans coincide."""
 
 from __future__ import annotations
 
@@ -8,19 +8,47 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.features.landmarks import Landmarks
-from curvescan.matchers.curvescan.proposal.translation_hypotheses import (
+from curvescan.matchers.curvescan.features.landmarks import Landmarks, direction_histogram
+from curvescan.matchers.curvescan.proposal.hypotheses import (
     coinciding_places,
     is_in_sight,
     profiles_of,
+    rotation_hypotheses,
     translation_hypotheses,
 )
-from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
-from tests.matchers.curvescan.scenes import features, pair, pillar_scan
+from tests.matchers.curvescan.scenes import features, hall_scan, pair, pillar_scan, turned
+from tests.reference import curvescan as slow
 
 
-def proposed(ref, cur, turned, n_most=48):
-    return translation_hypotheses(np.array(turned), ref.image, cur.image, ref.landmarks, cur.landmarks, n_most)
+@pytest.mark.parametrize("angle", [0.0, 0.3, -1.2, 2.9])
+def test_the_histogram_turns_with_the_sensor(angle):
+    scan = pillar_scan(seed=1)
+    ref, cur = features(scan), features(turned(scan, -angle))
+    np.testing.assert_allclose(np.linalg.norm(ref.landmarks.directions), 1.0)
+    poses = rotation_hypotheses(ref.landmarks.directions, cur.landmarks.directions, 4, np.array([0.3, 0.1, 0.2]))
+    np.testing.assert_array_equal(poses[0], [0.3, 0.1, 0.2])
+    np.testing.assert_array_equal(poses[1:, :2], np.tile([0.3, 0.1], (len(poses) - 1, 1)))
+    # a tenth of a bin of 3 degrees
+    assert np.abs(cs.se2.wrap(poses[1:, 2] - angle)).min() < math.radians(0.5)
+
+
+def test_turns_are_peaks_of_the_correlation():
+    ref, cur = pair()
+    likeness = slow.turn_likeness(ref.landmarks.directions, cur.landmarks.directions)
+    poses = rotation_hypotheses(ref.landmarks.directions, cur.landmarks.directions, 3, np.zeros(3))
+    bins = np.round(np.mod(poses[1:, 2], 2 * math.pi) * 120 / (2 * math.pi)).astype(int) % 120
+    assert bins[0] == np.argmax(likeness)
+    for k in bins:
+        assert likeness[k] >= max(likeness[k - 1], likeness[(k + 1) % 120]) - 1e-12
+    assert (np.diff(likeness[bins]) <= 0).all()
+
+
+def test_scans_without_lines_have_an_even_histogram():
+    assert not direction_histogram(np.empty((0, 10))).any()
+
+
+def proposed(ref, cur, poses, n_most=48):
+    return translation_hypotheses(np.array(poses), ref.image, cur.image, ref.landmarks, cur.landmarks, n_most)
 
 
 @pytest.mark.parametrize("motion", [(0.55, -0.45, 0.2), (-0.35, 0.3, 0.2), (0.05, 0.6, -1.5)])
@@ -85,10 +113,16 @@ def test_a_profile_holds_roots_of_lengths_by_place_and_side():
     assert found[3, -10] > 0.0
 
 
-def test_without_walls_across_an_axis_a_pose_stays():
+def test_without_walls_across_an_axis_places_around_the_pose_are_proposed():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    places, heights = coinciding_places(np.array([[0.3, 0.0, 0.0]]), 0.0, ref.landmarks, cur.landmarks)
-    assert places[0, 0, 0] == 0.3
-    assert heights[0, 0, 0] == 0.0
-    assert (heights[0, 0, 1:] == -1.0).all()
+    places, heights = coinciding_places(np.array([[0.4, 0.0, 0.0]]), 0.0, ref.landmarks, cur.landmarks)
+    np.testing.assert_allclose(places[0, 0, :5], [0.4, 0.7, 0.1, 1.0, -0.2])
+    assert not heights[0, 0].any()
     assert heights[0, 1, 0] > 0.0
+    poses = proposed(ref, cur, [[0.4, 0.0, 0.0]])
+    np.testing.assert_allclose(poses[:3], [[0.4, 0.0, 0.0], [0.7, 0.0, 0.0], [0.1, 0.0, 0.0]], atol=0.02)
+
+
+def test_no_more_places_are_proposed_than_there_are():
+    ref, cur = pair()
+    assert len(proposed(ref, cur, [[0.0, 0.0, 0.1]], 1000)) <= 144
