@@ -72,14 +72,11 @@ class HypothesesConfig:
     """Places at which most walls and edges coincide that are tried."""
     n_rotations: int = 4
     """Rotations taken from the directions of all surfaces."""
-    along_step: float = 0.15
-    """Along corridors places this far apart are tried, metres; a pose no farther beside one, also in radians, is it."""
     along_reach: float = 1.8
     """How far along a corridor places are tried, metres each way."""
 
     def __post_init__(self) -> None:
-        for name in ("along_step", "along_reach"):
-            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+        require(self.along_reach > 0.0, "along_reach must be > 0 m", self.along_reach)
         for name in ("max_tried", "n_rotations"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
 
@@ -94,7 +91,7 @@ class ScoringConfig:
     """Metres that two readings of one surface may lie apart besides three standard deviations of their noise, and all
     readings of a surface that did not move on the mean."""
     doubtful_score: float = 0.35
-    """Below this score other turns are tried, also where the prior has the pose."""
+    """Below this score other places are tried, with the turn found."""
     min_confidence: float = 0.5
     """Least confidence of a match."""
     min_inliers: int = 15

@@ -132,7 +132,7 @@ def along_weakest_direction(
     return [
         k
         for k in range(1, len(poses))
-        if any(is_along(one, poses[0], poses[k], config.hypotheses.along_step) for one in directions)
+        if any(is_along(one, poses[0], poses[k], 0.5 * NEAR) for one in directions)
     ]
 
 

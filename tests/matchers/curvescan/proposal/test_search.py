@@ -46,16 +46,20 @@ def test_the_best_candidate_is_near_the_truth():
         assert len(found.poses) == len(found.scores)
 
 
-def test_walls_are_laid_on_each_other_once_more_unless_the_best_pose_lies_where_the_guess_has_it():
-    motion = np.array([0.55, -0.45, 0.0])
-    ref, cur = pair(motion=motion)
-    never = {"certain_score": 1.0}  # nothing is ever certain
-    right, wrong = np.add(motion, [0.03, 0.0, 0.01]), np.add(motion, [2.0, 0.0, 0.0])
-    few = search(ref, cur, prior_at(right), CONFIG, **never).n_tried
-    found = search(ref, cur, prior_at(wrong), CONFIG, **never)
-    assert found.n_tried > few
-    assert np.abs(found.poses[0] - motion).max() < 0.02
-    assert search(ref, cur, prior_at(wrong), CONFIG).n_tried <= few + 10
+def test_walls_are_laid_on_each_other_once_more_where_the_best_pose_has_a_turn_that_was_not_tried():
+    ref, cur = pair()
+    # all directions are those of the current scan, a tenth of a radian off
+    cur.landmarks = cur.landmarks._replace(directions=np.roll(cur.landmarks.directions, 2))
+    found = search(ref, cur, WIDE, CONFIG)
+    assert off(found.poses[0]) < 0.01
+    expected = search(ref, cur, prior_at(np.add(MOTION, [0.03, 0.0, 0.06])), CONFIG)
+    assert off(expected.poses[0]) < 0.01
+    assert expected.n_tried < found.n_tried
+
+
+def test_walls_are_laid_on_each_other_once_more_where_little_agrees():
+    ref, cur = pair()
+    assert search(ref, cur, WIDE, CONFIG, doubtful_score=1.0).n_tried > search(ref, cur, WIDE, CONFIG).n_tried
 
 
 def test_where_nothing_agrees_turns_beside_the_likeliest_are_tried():
