@@ -129,11 +129,7 @@ def along_weakest_direction(
         directions.append(assessment.weakest)
         if max(map(abs, assessment.weakest[:2].tolist())) > _LEAST_SHIFT:
             directions.append(assessment.weakest * _STRAIGHT)
-    return [
-        k
-        for k in range(1, len(poses))
-        if any(is_along(one, poses[0], poses[k], 0.5 * NEAR) for one in directions)
-    ]
+    return [k for k in range(1, len(poses)) if any(is_along(one, poses[0], poses[k], 0.5 * NEAR) for one in directions)]
 
 
 def ties_of(support: Support, along: list[int], config: CurvescanConfig) -> list[int]:

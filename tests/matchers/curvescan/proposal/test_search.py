@@ -29,7 +29,7 @@ def search(ref, cur, prior, config, **effort):
         (ref.landmarks, cur.landmarks),
         (np.empty((0, 3)), np.empty(0)),
     )
-    return Candidates(*rules.search(*images, *landmarks, prior, *no_guess, effort_of(config)._replace(**effort)))
+    return Candidates(*rules.search(*images, *landmarks, prior.pose, *no_guess, effort_of(config)._replace(**effort)))
 
 
 def off(pose):
@@ -72,7 +72,7 @@ def test_where_nothing_agrees_turns_beside_the_likeliest_are_tried():
     wrong = np.roll(cur.landmarks.directions, 2)  # of 3 degrees
     marks = cur.landmarks._replace(directions=wrong)
     none = np.empty((0, 3)), np.empty(0)
-    found = rules.search(ref.image, cur.image, ref.landmarks, marks, WIDE, *none, effort_of(CONFIG))
+    found = rules.search(ref.image, cur.image, ref.landmarks, marks, WIDE.pose, *none, effort_of(CONFIG))
     assert off(found[0][0]) < 0.01
 
 

@@ -18,13 +18,13 @@ from curvescan.matchers.curvescan.proposal.hypotheses import rotation_hypotheses
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, ROUGH, select
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.se2.uncertain import wrap_angle
-from curvescan.types import Floats
+from curvescan.types import Floats, Pose
 
 _LEAST_SCORE = 0.1  # of a candidate: what scores less is there by chance, also its turn
 # Then turns so many radians and twice as many to either side of the likeliest are tried. The directions of clutter tell
 # the turn no better.
 _TURN_STEP = 0.1
-_N_REFINED, _N_KEPT = 4, 3  # poses that are refined, and of these how many are candidates
+_N_REFINED, _N_KEPT = 6, 4  # poses that are refined, and of these how many are candidates
 CONTESTED = 0.3  # a pose with this share of the best one's score competes with it, and is judged beside it
 _CERTAIN_SCORE = 0.55  # see Effort
 
@@ -91,7 +91,7 @@ def at_prior(problem: Problem, effort: Effort) -> tuple[Candidates, bool]:
 def searched(problem: Problem, near: Candidates, effort: Effort) -> Candidates:
     """Return what a search finds, and the pose of the prior, where the search has none beside it."""
     ref, cur, prior, _ = problem
-    return Candidates(*search(ref.image, cur.image, ref.landmarks, cur.landmarks, prior, *near[:2], effort))
+    return Candidates(*search(ref.image, cur.image, ref.landmarks, cur.landmarks, prior.pose, *near[:2], effort))
 
 
 @kernel
@@ -114,21 +114,21 @@ def search(
     cur: RangeImage,
     marks_ref: Landmarks,
     marks_cur: Landmarks,
-    prior: Prior,
+    expected: Pose,
     near: Floats,
     near_scores: Floats,
     effort: Effort,
 ) -> tuple[Floats, Floats, int]:
-    """Return the fields of Candidates: the best poses that landmarks and the prior propose, and the `near` one.
+    """Return the fields of Candidates: the best poses that landmarks and the one expected propose, and the `near` one.
 
     Where they find little support, or the best has a turn that was not tried, walls are laid on each other once more,
     with its turn: among round things the turns of the directions are too far off.
     """
-    turned = rotation_hypotheses(marks_ref.directions, marks_cur.directions, effort.n_rotations, prior.pose)
+    turned = rotation_hypotheses(marks_ref.directions, marks_cur.directions, effort.n_rotations, expected)
     tried = stack(turned, translation_hypotheses(turned, ref, cur, marks_ref, marks_cur, effort.max_tried))
     poses, scores = explore(tried, ref, cur, effort)
     n_tried = tried.shape[0]
-    if not is_found(poses, scores, turned, prior, effort):
+    if not is_found(poses, scores, turned, effort.doubtful_score):
         is_turn_known = scores.size > 0 and scores[0] > _LEAST_SCORE
         turned = poses[:1] if is_turn_known else turns_beside(turned[min(1, turned.shape[0] - 1)])
         tried = translation_hypotheses(turned, ref, cur, marks_ref, marks_cur, effort.max_tried // 2)
@@ -148,17 +148,15 @@ def search(
 
 
 @inlined
-def is_found(poses: Floats, scores: Floats, turned: Floats, prior: Prior, effort: Effort) -> bool:
-    """Return whether the best pose finds support, and the prior has it, or one of (h, 3) `turned` its turn.
+def is_found(poses: Floats, scores: Floats, turned: Floats, doubtful_score: float) -> bool:
+    """Return whether the best pose finds support, and has the turn of one of (h, 3) `turned`.
 
     Of one that was refined to another turn the rivals were not tried.
     """
-    if scores.size == 0 or scores[0] < effort.doubtful_score:
-        return False
     nearest = math.pi
-    for h in range(turned.shape[0]):
+    for h in range(turned.shape[0] if scores.size > 0 and scores[0] > doubtful_score else 0):
         nearest = min(nearest, abs(wrap_angle(turned[h, 2] - poses[0, 2])))
-    return bool(nearest < 0.5 * SAME or tells(prior, poses))
+    return nearest < 0.5 * SAME
 
 
 @kernel
