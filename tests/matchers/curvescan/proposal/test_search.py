@@ -52,7 +52,7 @@ def test_walls_are_laid_on_each_other_once_more_where_the_best_pose_has_a_turn_t
     cur.landmarks = cur.landmarks._replace(directions=np.roll(cur.landmarks.directions, 2))
     found = search(ref, cur, WIDE, CONFIG)
     assert off(found.poses[0]) < 0.01
-    expected = search(ref, cur, prior_at(np.add(MOTION, [0.03, 0.0, 0.06])), CONFIG)
+    expected = search(ref, cur, prior_at(np.add(MOTION, [0.03, 0.0, 0.03])), CONFIG)
     assert off(expected.poses[0]) < 0.01
     assert expected.n_tried < found.n_tried
 
