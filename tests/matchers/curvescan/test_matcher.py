@@ -41,8 +41,8 @@ def test_the_direction_of_the_sensor_frame_changes_nothing(angle):
     ref, cur = pillar_scan(seed=1), pillar_scan(MOTION, seed=2)
     plain = cs.match(ref, cur)
     result = cs.match(turned(ref, angle), turned(cur, angle))
-    keypoint = np.array([0.0, 0.0, angle])
-    expected = cs.se2.compose(cs.se2.compose(keypoint, plain.pose), cs.se2.inverse(keypoint))
+    turn = np.array([0.0, 0.0, angle])
+    expected = cs.se2.compose(cs.se2.compose(turn, plain.pose), cs.se2.inverse(turn))
     # the histograms of directions stand in the sensor frame: the refinement may start from another hypothesis, and
     # ends a fiftieth of a standard deviation away
     np.testing.assert_allclose(result.pose, expected, atol=4e-5)

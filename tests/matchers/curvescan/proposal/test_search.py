@@ -46,7 +46,7 @@ def test_the_best_candidate_is_near_the_truth():
         assert len(found.poses) == len(found.scores)
 
 
-def test_walls_are_laid_on_each_other_once_more_where_the_best_pose_has_a_turn_that_was_not_tried():
+def test_walls_are_laid_on_each_other_once_more_where_the_turn_found_was_not_tried():
     ref, cur = pair()
     # all directions are those of the current scan, a tenth of a radian off
     cur.landmarks = cur.landmarks._replace(directions=np.roll(cur.landmarks.directions, 2))
