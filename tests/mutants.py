@@ -97,6 +97,12 @@ NAMED = (
         "_KNEE_CHI2 = LIKELY_SIGMAS * LIKELY_SIGMAS",
         "_KNEE_CHI2 = 9.0",
     ),
+    _named(
+        "walls across both axes count along one",
+        f"{_MATCHER}/proposal/hypotheses.py",
+        "if abs(fx) > 2.0 * abs(fy):",
+        "if abs(fx) > abs(fy):",
+    ),
     _named("share of a slide 0.2 instead of 0.7", f"{_MATCHER}/disambiguation.py", "_SHARE = 0.7", "_SHARE = 0.2"),
     _named(
         "motion gate three times as wide",
