@@ -13,10 +13,11 @@ DECEIVED = ("company",)
 
 # of 30 pairs of one seed, as measured; of others none. The shares of more pairs: docs/design-notes/confidence.md
 MOST_DECEIVED = {
-    "turned away, office": 2,
-    "turned away, doors": 5,
-    "small room": 3,
-    "elevator": 1,
+    "turned away, office": 1,
+    "turned away, doors": 7,
+    "small room": 2,
+    "pillars, 180 deg": 2,
+    "shelves": 1,
     "elevator, 180 deg": 1,
 }
 
@@ -62,9 +63,9 @@ def test_the_matcher_is_hardly_ever_sure_and_wrong(name):
 
 
 @pytest.mark.slow
-def test_people_who_keep_pace_deceive_half_of_the_pairs_and_no_more():
+def test_people_who_keep_pace_deceive_a_third_of_the_pairs_and_no_more():
     score = score_deception("company", n_pairs=30, seed=77)
-    assert score.sure_and_wrong < 0.5
+    assert score.sure_and_wrong < 0.34
     assert score.right + score.flagged_and_wrong > 0.5
 
 

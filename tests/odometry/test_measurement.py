@@ -33,7 +33,7 @@ def doubtful():
     """Scans of a floor 1.3 m apart that the matcher gives no pose of without help, and the true one."""
     coarse = replace(SENSORS["sick-lms200"], n_beams=180, angle_increment=math.pi / 180)
     found = []
-    log = cs.simulate("office-floor", sensor=coarse, n_scans=217, n_people=6, seed=32)
+    log = cs.simulate("office-floor", sensor=coarse, n_scans=217, n_people=6, seed=31)
     prepared = [MATCHER.prepare(log[k]) for k in range(0, 217, 12)]
     poses = log.truth.poses[::12]
     for k in range(len(prepared) - 1):
