@@ -16,7 +16,7 @@ from curvescan.slam.pose_graph.cholesky import Elimination
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges, marginal_covariances, optimize
 from curvescan.slam.thinning import best_tie, carry_over, pairs_alike
-from tests.slam.graphs import dead_reckoning, ladder, loop, measured_edges
+from tests.slam.graphs import dead_reckoning, graph_of, ladder, loop, measured_edges
 
 _N = 40
 
@@ -70,13 +70,7 @@ def test_poses_of_one_place_are_those_of_a_fragment_that_look_one_way() -> None:
 def _graph(seed: int) -> tuple[PoseGraph, np.ndarray]:
     truth = loop(_N)
     edges = measured_edges(truth, ladder(_N), seed)
-    graph = PoseGraph()
-    for pose in dead_reckoning(edges, _N):
-        graph.add_pose(pose)
-    covariances = np.linalg.inv(edges.information)
-    for k, (i, j) in enumerate(edges.ends.tolist()):
-        kind = EdgeKind.MATCH if j == i + 1 else EdgeKind.CLOSURE
-        graph.add_edge(i, j, edges.measured[k], covariances[k], kind)
+    graph = graph_of(dead_reckoning(edges, _N), edges, 1e-4)
     _optimize(graph)
     return graph, truth
 
