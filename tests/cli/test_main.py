@@ -19,6 +19,7 @@ import pytest
 from rich.console import Console
 
 from curvescan._version import described
+from curvescan.benchmarks.scenarios import SCENARIOS
 from curvescan.cli import console
 from curvescan.cli.command_line import COMMANDS, run
 from curvescan.cli.console import with_flags
@@ -228,6 +229,7 @@ def test_demo_needs_no_data(tmp_path, capsys):
 @pytest.mark.slow
 def test_bench_measures_and_tabulates(log, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("curvescan.benchmarks.benchmark.BEAM_COUNTS", (181, 361))
+    monkeypatch.setattr("curvescan.benchmarks.benchmark.SCENARIOS", SCENARIOS[:2])
     arguments = ["bench", "--pairs", "2", "--runs", "3", "--logs", str(log), "--out", str(tmp_path / "bench")]
     assert run(arguments) == 0
     printed = capsys.readouterr().out

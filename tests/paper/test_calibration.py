@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -74,7 +75,8 @@ def test_a_plane_out_of_sight_is_told():
 
 
 @pytest.mark.slow
-def test_the_command_writes_a_configuration_that_can_be_read(tmp_path, capsys):
+def test_the_command_writes_a_configuration_that_can_be_read(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("curvescan.paper.calibration.calibrate", partial(calibrate, n_scans=8))
     assert run(["calibrate", "--out", str(tmp_path / "c"), "--distances", "5"]) == 0
     assert "U_k" in capsys.readouterr().out
     assert (tmp_path / "c" / "calibration.png").stat().st_size > 1000

@@ -21,14 +21,10 @@ def _slow_agreement(field: DistanceField, points: np.ndarray, pose: np.ndarray) 
     """Return the shares by looking at a beam every millimetre."""
     n_rows, n_columns = field.distance.shape
 
-    def cell(place: np.ndarray) -> tuple[float, bool, bool] | None:
+    def cell(place: np.ndarray) -> tuple[float, bool] | None:
         column, row = np.floor((place - field.origin) / field.resolution).astype(int)
         inside = 0 <= row < n_rows and 0 <= column < n_columns
-        return (
-            (float(field.distance[row, column]), bool(field.is_free[row, column]), bool(field.is_solid[row, column]))
-            if inside
-            else None
-        )
+        return (float(field.distance[row, column]), bool(field.is_free[row, column])) if inside else None
 
     counts = np.zeros(3)
     for end in se2.transform(pose, points):
@@ -40,8 +36,9 @@ def _slow_agreement(field: DistanceField, points: np.ndarray, pose: np.ndarray) 
         reach = float(np.hypot(*(end - pose[:2])))
         ways = np.arange(0.0, max(reach - REACH_M, 0.0), 0.001)
         beam = pose[:2] + ways[:, np.newaxis] * (end - pose[:2]) / reach
-        cells = [cell(place) for place in beam]
-        counts[2] += any(c is not None and c[2] for c in cells)
+        columns, rows = np.floor((beam - field.origin) / field.resolution).astype(int).T
+        inside = (columns >= 0) & (columns < n_columns) & (rows >= 0) & (rows < n_rows)
+        counts[2] += field.is_solid[rows[inside], columns[inside]].any()
     return (counts / len(points)).tolist()
 
 
