@@ -153,7 +153,7 @@ NAMED = (
     _named(
         "a rejected match keeps its small covariance",
         "odometry/measurement.py",
-        "expected.cov + config.recovery_covariance",
+        "expected.cov + recovery",
         "expected.cov",
         "odometry/test_gating.py",
     ),

@@ -194,6 +194,29 @@ def test_the_covariance_by_wheels_is_that_of_the_configuration():
     assert cov[2, 2] == pytest.approx(0.003**2 + share**2, rel=1e-12)
 
 
+def recovery_sigmas(model, stamp):
+    return np.sqrt(np.diag(model.predict(stamp, None).recovery))
+
+
+def test_how_far_a_sensor_gets_unseen_follows_from_the_time():
+    """One metre a second and two radians, and the motion itself, as a scan may be missing; half a second at most."""
+    still = MotionModel.at_start(MotionConfig())
+    for k in range(10):
+        still = updated(still, 0.1 * k, UncertainPose(np.zeros(3), SEEN.cov))
+    np.testing.assert_allclose(recovery_sigmas(still, 1.0), [0.1, 0.1, 0.2], rtol=1e-9)
+    np.testing.assert_allclose(recovery_sigmas(still, 1.2), [0.3, 0.3, 0.6], rtol=1e-9)
+    np.testing.assert_allclose(recovery_sigmas(still, 9.0), [0.5, 0.5, 1.0], rtol=1e-9)
+    np.testing.assert_allclose(recovery_sigmas(still, 0.9), [0.1, 0.1, 0.2], rtol=1e-9)  # written in bursts
+    failed = still.updated_without_match(still.predict(1.0, None), UncertainPose(np.zeros(3), SEEN.cov))
+    np.testing.assert_allclose(recovery_sigmas(failed, 1.1), [0.2, 0.2, 0.4], rtol=1e-9)
+    moving = updated(still, 1.0, UncertainPose(np.array([0.12, -0.16, 0.3]), SEEN.cov))
+    np.testing.assert_allclose(recovery_sigmas(moving, 1.1), [0.3, 0.3, 0.5], rtol=1e-9)
+    # stamps that are all alike are no times
+    np.testing.assert_allclose(
+        recovery_sigmas(updated(MotionModel.at_start(MotionConfig()), 0.0), 0.0), [0.5, 0.5, 1.0]
+    )
+
+
 def test_the_noise_of_wheels_after_one_error_of_theirs():
     """A mean over `memory` steps of the square of the error, in variances, both axes of a translation together."""
     config = MotionConfig()

@@ -42,6 +42,7 @@ def gated(by_wheels, by_last=TRUE, is_measured=True, **result):
         is_measured=is_measured,
         clock=Clock(),
         odometry_pose=None,
+        recovery=np.diag([0.25, 0.25, 1.0]),
     )
     matching = Matching(matcher=NeedsGuess(**result), config=OdometryConfig())
     scan = SimpleNamespace(features=None)

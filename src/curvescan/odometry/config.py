@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from curvescan.errors import require
 from curvescan.matchers import DEFAULT_METHOD
-from curvescan.types import Cov
+from curvescan.types import Cov, Pose
+
+_RECOVERED = 0.5
+"""Seconds from which on a sensor that moved unseen is taken to be no farther off: it has stopped, or turned back."""
 
 MATCHER_HINT = "the configuration of the matcher is given as matcher="
 
@@ -57,7 +61,8 @@ class MotionConfig:
     is_fused: bool = True
     """The expected motion takes part in each pose, weighed by the covariances; else the matches alone decide."""
     recovery_sigma_m: float = 0.5
-    """How far the sensor may be from where it was expected once a match failed or contradicts, metres and axis."""
+    """How far the sensor may be from where it was expected once a match failed or contradicts, metres and axis: so far
+    half a second after the last match and later, before that in proportion, and the expected motion besides."""
     recovery_sigma_rad: float = 1.0
     """The same of its direction, radians."""
     max_repeats: int = 5
@@ -81,11 +86,12 @@ class MotionConfig:
         require(self.memory >= 1.0, "memory must be at least 1 step", self.memory)
         require(self.max_repeats >= 0, "max_repeats must be >= 0", self.max_repeats)
 
-    @property
-    def recovery_covariance(self) -> Cov:
-        """(3, 3) covariance of where the sensor is once a match failed or contradicts what was expected."""
-        sigmas = np.array([self.recovery_sigma_m, self.recovery_sigma_m, self.recovery_sigma_rad])
-        return np.diag(sigmas**2)
+    def recovery_covariance(self, motion: Pose, seconds: float) -> Cov:
+        """Return (3, 3) where the sensor may be besides, once a match failed or contradicts an expected motion (3,)."""
+        share, (x, y, theta) = min(seconds / _RECOVERED, 1.0), motion.tolist()
+        sigma = min(share * self.recovery_sigma_m + math.hypot(x, y), self.recovery_sigma_m)
+        turn = min(share * self.recovery_sigma_rad + abs(theta), self.recovery_sigma_rad)
+        return np.diag([sigma**2, sigma**2, turn**2])
 
 
 @dataclass(frozen=True, kw_only=True)

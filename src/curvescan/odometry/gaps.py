@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from curvescan.matchers.result import WIDE_PRIOR
-from curvescan.odometry.measurement import CERTAIN, SURE, GatedMatch, gate, log_odds_of_best
+from curvescan.odometry.measurement import CERTAIN, SURE, GatedMatch, gate, log_odds_of, log_odds_of_best
 from curvescan.odometry.observation import Gap, Keyframe, Localization, Observation, Placement
 from curvescan.odometry.step import StepOutcome
 from curvescan.se2.uncertain import UncertainPose, identity
@@ -67,7 +67,7 @@ def settle_gap(o: Observation, placement: Placement, *, is_counted: bool = True)
     return with_keyframe(o, _lost(placement, gap))
 
 
-def question_link(o: Observation, placement: Placement, last: Localization) -> Placement | None:
+def question_link(o: Observation, placement: Placement, last: Localization, log_odds: float) -> Placement | None:
     """Return the placement of a scan that what was in use hardly shows, in a gap; None where the match is sure.
 
     Its motion is taken, but only a later match with what was in use before it shows that the sensor has not been
@@ -78,10 +78,10 @@ def question_link(o: Observation, placement: Placement, last: Localization) -> P
         return None
     x, y, theta = o.prediction.motion.pose.tolist()
     is_near = math.hypot(x, y) < _NEAR_M and abs(theta) < _NEAR_RAD
-    is_doubtful = result.confidence < SURE or result.score < config.least_score
+    is_doubtful = log_odds < SURE or result.score < config.least_score
     if not (is_near and is_doubtful and result.score < _SHARE * o.state.score):
         return None
-    gap = open_gap(o, last, _log_odds(result.confidence))
+    gap = open_gap(o, last, log_odds)
     return None if gap is None else with_keyframe(o, placement._replace(gap=gap))
 
 
@@ -100,13 +100,13 @@ def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMa
     best, said, keyframe = None, -CERTAIN, gap.before[0]
     for one in gap.before:
         expected = placement.localization.relative_to(one)
-        expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
+        expected = UncertainPose(expected.pose, expected.cov + o.prediction.recovery)
         # the expectation is the same in all matches of a gap, and must not count in each
         known = UncertainPose(expected.pose, WIDE_PRIOR.cov)
         result = o.matching.matcher.match(one.scan.features, placement.current.features, known)
-        gated = gate(result, expected, o.config.motion)
+        gated = gate(result, expected, o.prediction.recovery, o.config.motion)
         if gated.is_plausible and (best is None or result.confidence > best.result.confidence):
-            best, said, keyframe = gated, _log_odds(result.confidence), one
+            best, said, keyframe = gated, log_odds_of(result.confidence), one
         elif best is None and not result.ok:
             said = max(said, min(log_odds_of_best(result), 0.0) if result.candidates else _NOTHING)
     return best, said, keyframe
@@ -127,10 +127,3 @@ def _lost(placement: Placement, gap: Gap) -> Placement:
         step_motion=UncertainPose(motion.pose, motion.cov + LOST_COVARIANCE),
         gap=None,
     )
-
-
-def _log_odds(confidence: float) -> float:
-    """Return the log odds of a match, within +-CERTAIN; of a matcher that gives no confidence the greatest."""
-    if not 0.0 < confidence < 1.0:  # 1 is rounded, 0 is no match
-        return -CERTAIN if confidence == 0.0 else CERTAIN
-    return max(min(math.log(confidence / (1.0 - confidence)), CERTAIN), -CERTAIN)

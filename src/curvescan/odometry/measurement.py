@@ -19,9 +19,10 @@ from curvescan.odometry.config import MotionConfig, OdometryConfig
 from curvescan.odometry.motion_model import Prediction
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
+from curvescan.types import Cov
 
-SURE = 0.8
-"""Least confidence of a match that explains little of the scans, or bridges a gap: in an unseen room such ones come
+SURE = 1.38
+"""Least log odds (0.8) of a match that explains little of the scans, or bridges a gap: in an unseen room such ones come
 about by chance."""
 
 _OPEN = 100.0
@@ -48,6 +49,7 @@ class GatedMatch(NamedTuple):
     pose_keyframe_scan: UncertainPose
     is_plausible: bool  # whether the match is about where it was expected
     measured: UncertainPose  # what was fused with what was expected; what was expected where the match failed
+    leap: float = 0.0  # squared distance from where it was expected, by how far a sensor moves unseen
     # whether the match is about where the last motion leads, and another odometry, which says otherwise, was left out
     is_prior_rejected: bool = False
     # whether it was fused with the last motion repeated, although another odometry expected something
@@ -62,12 +64,21 @@ class GatedMatch(NamedTuple):
         """Return whether nothing speaks against the match. A matcher without a score is trusted."""
         return self.is_fully_observed and self.is_plausible and not self.result.score < min_score
 
-    def is_accepted(self, least_score: float) -> bool:
-        """Return whether the match may decide: one that explains little must lie where expected, and be sure."""
+    @property
+    def log_odds(self) -> float:
+        """Log odds that the match is right, less for a leap."""
+        return log_odds_of(self.result.confidence) - 0.5 * self.leap
+
+    def is_accepted(self, config: OdometryConfig) -> bool:
+        """Return whether the match may decide: one that explains little must lie where expected, and be sure.
+
+        Another must not lie where a sensor hardly gets in the time.
+        """
         result = self.result
-        if not result.ok or not result.score < least_score:
-            return result.ok
-        return self.is_plausible and not result.confidence < SURE
+        if not result.ok or self.log_odds < -CERTAIN:
+            return False
+        is_little = result.score < config.keyframes.least_score
+        return not is_little or (self.is_plausible and self.log_odds >= SURE)
 
     @property
     def standing(self) -> tuple[bool, bool, bool]:
@@ -83,6 +94,7 @@ class GatedMatch(NamedTuple):
 def gate(
     result: MatchResult,
     expected: UncertainPose,
+    recovery: Cov,
     config: MotionConfig,
     repeated: UncertainPose | None = None,
     measured: UncertainPose | None = None,
@@ -106,9 +118,10 @@ def gate(
         by_last, last_distance = fuse(repeated, found)
         if last_distance <= config.motion_gate_chi2:
             return GatedMatch(result, by_last, True, found, is_prior_rejected=not is_plausible, is_by_last_motion=True)
+    leap = 0.0
     if not is_plausible:
-        fused, _ = fuse(UncertainPose(expected.pose, expected.cov + config.recovery_covariance), found)
-    return GatedMatch(result, fused, is_plausible, found)
+        fused, leap = fuse(UncertainPose(expected.pose, expected.cov + recovery), found)
+    return GatedMatch(result, fused, is_plausible, found, leap)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -133,15 +146,15 @@ class Matching:
         motion, min_score = self.config.motion, self.config.keyframes.min_score
         expected = compose(origin, prediction.motion)
         if not (prediction.is_measured and motion.is_fused):
-            return self._gated(reference, current, expected)
+            return self._gated(reference, current, expected, prediction.recovery)
         repeated = compose(origin, prediction.repeated)
-        alone = self._gated(reference, current, repeated)
+        alone = self._gated(reference, current, repeated, prediction.recovery)
         is_rejected = alone.is_plausible and fuse(expected, alone.measured)[1] > motion.motion_gate_chi2
         alone = alone._replace(is_prior_rejected=is_rejected, is_by_last_motion=True)
         is_sure = alone.is_fully_observed and alone.is_plausible
         if is_sure and not is_rejected:
             return alone
-        guided = self._gated(reference, current, expected, repeated)
+        guided = self._gated(reference, current, expected, prediction.recovery, repeated)
         if is_sure:
             return guided if guided.is_plausible and not guided.is_prior_rejected else alone
         return alone if alone.is_better_than(guided, min_score) else guided
@@ -151,15 +164,17 @@ class Matching:
     ) -> GatedMatch:
         """Return a match made from where a sensor may be that moved unseen, compared with what is expected."""
         motion = self.config.motion
-        around = compose(origin, UncertainPose(prediction.motion.pose, motion.recovery_covariance))
+        around = compose(origin, UncertainPose(prediction.motion.pose, prediction.recovery))
         result = self.matcher.match(reference.features, current.features, around)
-        return gate(decided_by_expectation(result, around, motion), compose(origin, prediction.motion), motion)
+        result = decided_by_expectation(result, around, motion)
+        return gate(result, compose(origin, prediction.motion), prediction.recovery, motion)
 
     def _gated(
         self,
         reference: PreparedScan,
         current: PreparedScan,
         expected: UncertainPose,
+        recovery: Cov,
         repeated: UncertainPose | None = None,
     ) -> GatedMatch:
         """Return a match made from what is expected, compared with that or, where given, the last motion repeated."""
@@ -173,7 +188,7 @@ class Matching:
                 is_own = not result.is_guess_decisive and _n_known(result.candidates[0]) == 3
                 own = result if is_own else self.matcher.match(reference.features, current.features, None)
                 measured = unguided_measurement(own)
-        return gate(result, expected, motion, repeated, measured)
+        return gate(result, expected, recovery, motion, repeated, measured)
 
     def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
         """Return a scan that others can be matched with, else None."""
@@ -240,6 +255,13 @@ def _lies_near(one: Candidate, expected: UncertainPose, config: MotionConfig) ->
     if direction is not None and n_known < 3:
         near, n_known = near - (1.0 - _NEAR**2) * np.outer(direction, direction), n_known + 1
     return n_known == 3 and fuse(expected, UncertainPose(one.pose, near))[1] <= config.motion_gate_chi2
+
+
+def log_odds_of(confidence: float) -> float:
+    """Return the log odds of a match, within +-CERTAIN; of a matcher that gives no confidence the greatest."""
+    if not 0.0 < confidence < 1.0:  # 1 is rounded, 0 is no match
+        return -CERTAIN if confidence == 0.0 else CERTAIN
+    return max(min(math.log(confidence / (1.0 - confidence)), CERTAIN), -CERTAIN)
 
 
 def log_odds_of_best(result: MatchResult) -> float:

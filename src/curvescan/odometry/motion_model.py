@@ -13,7 +13,7 @@ from typing import NamedTuple
 from curvescan import se2
 from curvescan.odometry.config import MotionConfig
 from curvescan.se2.uncertain import UncertainPose, identity, wrap_angle
-from curvescan.types import Pose
+from curvescan.types import Cov, Pose
 
 _LONGEST_STEP = 1_000.0
 """Metres from a scan to the next that an odometry can measure; beyond, it is no measurement."""
@@ -72,6 +72,7 @@ class Prediction(NamedTuple):
     is_measured: bool  # whether the translation of `motion` is that of another odometry
     clock: Clock  # the clock of the stream at this scan
     odometry_pose: Pose | None  # (3,): pose of the sensor at this scan by another odometry
+    recovery: Cov  # (3, 3): how much farther from there the sensor may be once a match failed or contradicts
     is_missed: bool = False  # whether that is taken not to have been updated since the last scan
 
 
@@ -107,6 +108,8 @@ class MotionModel(NamedTuple):
     def predict(self, stamp: float, odometry_pose: Pose | None) -> Prediction:
         """Return the expected pose of the next sensor frame in the last one; odometry_pose (3,)."""
         clock, stretch = self.clock.ticked(stamp, self.config.memory)
+        # since the last match; a clock that stands tells nothing
+        seconds = max(stamp - self.clock.stamp, clock.period) * (1 + self.n_failures) if clock.period else math.inf
         pose, cov = self.last.pose.copy(), self.last.cov.copy()
         cov[0, 0] += stretch**2 * self.variance_translation
         cov[1, 1] += stretch**2 * self.variance_translation
@@ -120,6 +123,7 @@ class MotionModel(NamedTuple):
             is_measured=is_measured,
             clock=clock,
             odometry_pose=odometry_pose,
+            recovery=self.config.recovery_covariance(pose, seconds),
             is_missed=is_missed,
         )
 

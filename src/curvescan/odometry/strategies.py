@@ -71,7 +71,7 @@ def _try_references(o: Observation, last: Localization) -> _Attempt:
         keyframe = last.as_keyframe(previous, o.index - 1, rules.variance_retained)
         nearest = _Attempt(gated=second, outcome=StepOutcome.CHAINED, keyframe=keyframe, origin=identity())
         attempt = nearest if second.is_better_than(attempt.gated, rules.min_score) else attempt
-    if attempt.gated.is_accepted(rules.least_score) or prediction.is_measured or not matching.config.motion.is_fused:
+    if attempt.gated.is_accepted(matching.config) or prediction.is_measured or not matching.config.motion.is_fused:
         return attempt
     return nearest._replace(gated=matching.match_around(nearest.keyframe.scan, current, nearest.origin, prediction))
 
@@ -79,7 +79,7 @@ def _try_references(o: Observation, last: Localization) -> _Attempt:
 def _track(o: Observation, last: Localization, attempt: _Attempt) -> Placement | None:
     """Return where the keyframe in use or the previous scan shows a scan; None where neither does."""
     config = o.config.keyframes
-    if not attempt.gated.is_accepted(config.least_score):
+    if not attempt.gated.is_accepted(o.config):
         return None
     keyframe, sweep = attempt.keyframe, _with_better_sweep(o, attempt)
     if sweep.first is not None:
@@ -88,7 +88,7 @@ def _track(o: Observation, last: Localization, attempt: _Attempt) -> Placement |
     expected = o.prediction.repeated if gated.is_by_last_motion else o.prediction.motion
     measured = compose(inverse(attempt.origin), gated.measured)
     if not gated.is_plausible:
-        expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
+        expected = UncertainPose(expected.pose, expected.cov + o.prediction.recovery)
     motion = fuse(expected, measured)[0]
     localization = Localization(
         keyframe=keyframe, pose_keyframe_scan=gated.pose_keyframe_scan, is_measured=gated.is_fully_observed
@@ -105,7 +105,7 @@ def _track(o: Observation, last: Localization, attempt: _Attempt) -> Placement |
         is_prior_rejected=gated.is_prior_rejected,
         reference=keyframe.index,
     )
-    questioned = question_link(o, placement, last)
+    questioned = question_link(o, placement, last, gated.log_odds)
     if questioned is not None:
         return questioned
     settled = settle_gap(o, placement)
