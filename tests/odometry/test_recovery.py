@@ -68,18 +68,10 @@ def test_a_doubtful_match_with_the_scan_before_is_questioned(monkeypatch, bridge
     assert bool(steps[-1].covariance[0, 0] > 1.0) is is_lost
 
 
-@pytest.mark.parametrize(
-    ("step", "link"),
-    [
-        pytest.param(0.1, (0.4, 0.98), id="sure"),
-        pytest.param(0.1, (0.6, 0.7), id="explains much"),
-        pytest.param(0.7, (0.4, 0.7), id="far apart"),
-    ],
-)
-def test_other_links_are_not_questioned(monkeypatch, step, link):
-    """Scans that follow each other at 0.7 m may see other things by themselves."""
+@pytest.mark.parametrize("link", [pytest.param((0.4, 0.98), id="sure"), pytest.param((0.6, 0.7), id="explains much")])
+def test_other_links_are_not_questioned(monkeypatch, link):
     links = another_room(14, 7, link, (0.0, 0.0))
-    _, steps = run(monkeypatch, straight(14, step), links=links)
+    _, steps = run(monkeypatch, straight(14, 0.1), links=links)
     assert StepOutcome.LOST not in [step.outcome for step in steps]
     assert steps[-1].covariance[0, 0] < 1.0
 

@@ -27,8 +27,6 @@ class KeyframesConfig:
     """A new keyframe is due when the sensor has turned by this much, radians; 0 makes each scan one."""
     min_score: float = 0.4
     """A new keyframe is due when the match with the one in use has a lower score, in [0, 1]."""
-    least_score: float = 0.25
-    """A match far from where it was expected is rejected below this score, in [0, 1]."""
     variance_retained: float = 0.4
     """Share of the variance of a match that stays when the scan becomes a keyframe: the rest cancels along the chain,
     for a keyframe's noise moves the scan before it and the one after it opposite ways. Measured in simulation."""
@@ -39,9 +37,7 @@ class KeyframesConfig:
     def __post_init__(self) -> None:
         for name in ("distance", "turn"):
             require(getattr(self, name) >= 0.0, f"{name} must be >= 0", getattr(self, name))
-        for name in ("min_score", "least_score"):
-            score = getattr(self, name)
-            require(0.0 <= score <= 1.0, f"{name} must lie in [0, 1]", score)
+        require(0.0 <= self.min_score <= 1.0, "min_score must lie in [0, 1]", self.min_score)
         require(self.max_gap >= 0, "max_gap must be >= 0", self.max_gap)
         require(0.0 < self.variance_retained <= 1.0, "variance_retained must lie in (0, 1]", self.variance_retained)
 
@@ -88,10 +84,10 @@ class MotionConfig:
 
     def recovery_covariance(self, motion: Pose, seconds: float) -> Cov:
         """Return (3, 3) where the sensor may be besides, once a match failed or contradicts an expected motion (3,)."""
-        share, (x, y, theta) = min(seconds / _RECOVERED, 1.0), motion.tolist()
-        sigma = min(share * self.recovery_sigma_m + math.hypot(x, y), self.recovery_sigma_m)
-        turn = min(share * self.recovery_sigma_rad + abs(theta), self.recovery_sigma_rad)
-        return np.diag([sigma**2, sigma**2, turn**2])
+        most = np.array([self.recovery_sigma_m, self.recovery_sigma_m, self.recovery_sigma_rad])
+        way = math.hypot(motion[0], motion[1])
+        moved = min(seconds / _RECOVERED, 1.0) * most + np.array([way, way, abs(motion[2])])
+        return np.diag(np.minimum(moved, most) ** 2)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,18 +13,17 @@ from dataclasses import replace
 import numpy as np
 
 from curvescan.matchers.result import WIDE_PRIOR
-from curvescan.odometry.measurement import CERTAIN, SURE, GatedMatch, gate, log_odds_of, log_odds_of_best
+from curvescan.odometry.measurement import CERTAIN, GatedMatch, gate, log_odds_of_best
 from curvescan.odometry.observation import Gap, Keyframe, Localization, Observation, Placement
 from curvescan.odometry.step import StepOutcome
 from curvescan.se2.uncertain import UncertainPose, identity
 
 _SHARE = 0.65
-"""Share of the scores on either side below which a doubtful match is questioned. A sensor carried to another room
-leaves one of 0.2 to 0.45 between 0.7 and 0.85, and the next scan, 0.1 m on, is as sure of it, as its guess comes from
-there; but it scores no more."""
+"""Share of the last score below which a doubtful match is questioned: a sensor carried to another room leaves a score
+of 0.2 to 0.5 after 0.9, and the next scan, 0.1 m on, is as sure of it, but scores no more."""
 
-_NEAR_M, _NEAR_RAD = 0.5, 0.5
-"""Expected motion, metres and radians, from which on a view may change so much by itself."""
+_SURE = 1.4
+"""Log odds (0.8) of a match below which it is questioned."""
 
 _NOTHING = -2.0
 """Log odds of a scan that has nothing to compare with what was in use."""
@@ -73,13 +72,8 @@ def question_link(o: Observation, placement: Placement, last: Localization, log_
     Its motion is taken, but only a later match with what was in use before it shows that the sensor has not been
     carried away.
     """
-    result, config = placement.match, o.config.keyframes
-    if result is None or placement.gap is not None:
-        return None
-    x, y, theta = o.prediction.motion.pose.tolist()
-    is_near = math.hypot(x, y) < _NEAR_M and abs(theta) < _NEAR_RAD
-    is_doubtful = log_odds < SURE or result.score < config.least_score
-    if not (is_near and is_doubtful and result.score < _SHARE * o.state.score):
+    result = placement.match
+    if result is None or placement.gap is not None or log_odds >= _SURE or not result.score < _SHARE * o.state.score:
         return None
     gap = open_gap(o, last, log_odds)
     return None if gap is None else with_keyframe(o, placement._replace(gap=gap))
@@ -106,7 +100,7 @@ def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMa
         result = o.matching.matcher.match(one.scan.features, placement.current.features, known)
         gated = gate(result, expected, o.prediction.recovery, o.config.motion)
         if gated.is_plausible and (best is None or result.confidence > best.result.confidence):
-            best, said, keyframe = gated, log_odds_of(result.confidence), one
+            best, said, keyframe = gated, gated.log_odds, one
         elif best is None and not result.ok:
             said = max(said, min(log_odds_of_best(result), 0.0) if result.candidates else _NOTHING)
     return best, said, keyframe

@@ -21,10 +21,6 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.types import Cov
 
-SURE = 1.38
-"""Least log odds (0.8) of a match that explains little of the scans, or bridges a gap: in an unseen room such ones come
-about by chance."""
-
 _OPEN = 100.0
 """Standard deviation of what is not measured, metres: more than any prediction errs."""
 
@@ -66,19 +62,15 @@ class GatedMatch(NamedTuple):
 
     @property
     def log_odds(self) -> float:
-        """Log odds that the match is right, less for a leap."""
-        return log_odds_of(self.result.confidence) - 0.5 * self.leap
+        """Log odds that the match is right, within +-CERTAIN, less for a leap; the most where a matcher gives none."""
+        p = self.result.confidence
+        said = CERTAIN if math.isnan(p) else math.log(max(p, 1e-6) / max(1.0 - p, 1e-6))
+        return max(min(said, CERTAIN), -CERTAIN) - 0.5 * self.leap
 
-    def is_accepted(self, config: OdometryConfig) -> bool:
-        """Return whether the match may decide: one that explains little must lie where expected, and be sure.
-
-        Another must not lie where a sensor hardly gets in the time.
-        """
-        result = self.result
-        if not result.ok or self.log_odds < -CERTAIN:
-            return False
-        is_little = result.score < config.keyframes.least_score
-        return not is_little or (self.is_plausible and self.log_odds >= SURE)
+    @property
+    def is_accepted(self) -> bool:
+        """Whether the match may decide: not where a sensor hardly gets in the time."""
+        return self.result.ok and self.log_odds >= -CERTAIN
 
     @property
     def standing(self) -> tuple[bool, bool, bool]:
@@ -118,10 +110,10 @@ def gate(
         by_last, last_distance = fuse(repeated, found)
         if last_distance <= config.motion_gate_chi2:
             return GatedMatch(result, by_last, True, found, is_prior_rejected=not is_plausible, is_by_last_motion=True)
-    leap = 0.0
-    if not is_plausible:
-        fused, leap = fuse(UncertainPose(expected.pose, expected.cov + recovery), found)
-    return GatedMatch(result, fused, is_plausible, found, leap)
+    if is_plausible:
+        return GatedMatch(result, fused, True, found)
+    fused, leap = fuse(UncertainPose(expected.pose, expected.cov + recovery), found)
+    return GatedMatch(result, fused, False, found, leap)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -255,13 +247,6 @@ def _lies_near(one: Candidate, expected: UncertainPose, config: MotionConfig) ->
     if direction is not None and n_known < 3:
         near, n_known = near - (1.0 - _NEAR**2) * np.outer(direction, direction), n_known + 1
     return n_known == 3 and fuse(expected, UncertainPose(one.pose, near))[1] <= config.motion_gate_chi2
-
-
-def log_odds_of(confidence: float) -> float:
-    """Return the log odds of a match, within +-CERTAIN; of a matcher that gives no confidence the greatest."""
-    if not 0.0 < confidence < 1.0:  # 1 is rounded, 0 is no match
-        return -CERTAIN if confidence == 0.0 else CERTAIN
-    return max(min(math.log(confidence / (1.0 - confidence)), CERTAIN), -CERTAIN)
 
 
 def log_odds_of_best(result: MatchResult) -> float:

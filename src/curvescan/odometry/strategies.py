@@ -71,7 +71,7 @@ def _try_references(o: Observation, last: Localization) -> _Attempt:
         keyframe = last.as_keyframe(previous, o.index - 1, rules.variance_retained)
         nearest = _Attempt(gated=second, outcome=StepOutcome.CHAINED, keyframe=keyframe, origin=identity())
         attempt = nearest if second.is_better_than(attempt.gated, rules.min_score) else attempt
-    if attempt.gated.is_accepted(matching.config) or prediction.is_measured or not matching.config.motion.is_fused:
+    if attempt.gated.is_accepted or prediction.is_measured or not matching.config.motion.is_fused:
         return attempt
     return nearest._replace(gated=matching.match_around(nearest.keyframe.scan, current, nearest.origin, prediction))
 
@@ -79,7 +79,7 @@ def _try_references(o: Observation, last: Localization) -> _Attempt:
 def _track(o: Observation, last: Localization, attempt: _Attempt) -> Placement | None:
     """Return where the keyframe in use or the previous scan shows a scan; None where neither does."""
     config = o.config.keyframes
-    if not attempt.gated.is_accepted(o.config):
+    if not attempt.gated.is_accepted:
         return None
     keyframe, sweep = attempt.keyframe, _with_better_sweep(o, attempt)
     if sweep.first is not None:
