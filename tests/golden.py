@@ -71,9 +71,11 @@ def answers() -> Iterator[dict[str, Any]]:
 
 
 def _of_slam() -> dict[str, Any]:
-    """Return what SLAM makes of two laps round a room, the second the other way."""
-    angle = np.concatenate((np.linspace(0.0, 2.2 * np.pi, 90), np.linspace(2.2 * np.pi, 0.5, 70)[1:]))
-    heading = angle + np.where(np.arange(len(angle)) < 90, 0.5, -0.5) * np.pi
+    """Return what SLAM makes of two laps round a room, the second the other way, after a turn on the spot."""
+    there, back = np.linspace(0.0, 2.2 * np.pi, 90), np.linspace(2.2 * np.pi, 0.5, 70)[1:]
+    turn = np.linspace(0.5, -0.5, 14)[1:-1] * np.pi
+    angle = np.concatenate((there, np.full(len(turn), there[-1]), back))
+    heading = angle + np.concatenate((np.full(len(there), 0.5 * np.pi), turn, np.full(len(back), -0.5 * np.pi)))
     laps = np.column_stack((np.cos(angle), np.sin(angle), heading))
     slam = cs.Slam()
     for scan in cs.simulate("room", poses=laps, odometry_noise=None, seed=4):
