@@ -86,7 +86,7 @@ class MotionConfig:
         """Return (3, 3) where the sensor may be besides, once a match failed or contradicts an expected motion (3,)."""
         most = np.array([self.recovery_sigma_m, self.recovery_sigma_m, self.recovery_sigma_rad])
         way = math.hypot(motion[0], motion[1])
-        moved = min(seconds / _RECOVERED, 1.0) * most + np.array([way, way, abs(motion[2])])
+        moved = min(round(seconds / _RECOVERED, 2), 1.0) * most + np.array([way, way, abs(motion[2])])
         return np.diag(np.minimum(moved, most) ** 2)
 
 
