@@ -19,7 +19,7 @@ from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.grid_map import map_of_grid
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Bools, Cov, Ints, Pose
+from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
 _N_ALIKE, _MOST_VIEWS = 3, 200
 """Keyframes of one map that each one of the other is matched with, and how many of the other at most."""
@@ -36,18 +36,16 @@ def merged(one: SlamMap, other: SlamMap) -> SlamMap:
 
     Raises InvalidArgumentError where too few matches agree on how they lie to each other.
     """
-    pairs, measured, covariances = _matches(one, other)
+    pairs, measured, covariances, confidence = _matches(one, other)
     # where each match puts the other map
-    there = se2.compose(one.poses[pairs[:, 0]], measured)
-    places = se2.compose(there, se2.inverse(other.poses[pairs[:, 1]]))
-    chosen = _agreed(places, pairs[:, 1])
+    places = se2.compose(se2.compose(one.poses[pairs[:, 0]], measured), se2.inverse(other.poses[pairs[:, 1]]))
+    chosen = _agreed(places, pairs[:, 1], confidence)
     near = [int(_is_same(places[k], places[chosen]).sum()) for k in np.flatnonzero(chosen).tolist()]
     placed = replace(other, poses=se2.compose(places[chosen][int(np.argmax(near))], other.poses))
     while True:
         both = _joined(one, placed, pairs[chosen], measured[chosen], covariances[chosen])
         # where maps bend, farther matches agree once nearer ones have joined them
-        i, j = pairs[:, 0], pairs[:, 1] + len(one)
-        agrees = chosen | _is_same(measured, se2.between(both.poses[i], both.poses[j]))
+        agrees = chosen | _is_same(measured, se2.between(both.poses[pairs[:, 0]], both.poses[pairs[:, 1] + len(one)]))
         if (agrees == chosen).all():
             return both
         chosen = agrees
@@ -84,12 +82,12 @@ def laid_on(one: OccupancyGrid, other: OccupancyGrid) -> OccupancyGrid:
     return moved(other, se2.compose(first, se2.inverse(other_seen.poses[0])))
 
 
-def _matches(one: SlamMap, other: SlamMap) -> tuple[Ints, Pose, Cov]:
-    """Return (k, 2) keyframes of both maps that match without a guess, (k, 3) poses, (k, 3, 3) their covariances."""
+def _matches(one: SlamMap, other: SlamMap) -> tuple[Ints, Pose, Cov, Floats]:
+    """Return (k, 2) keyframes of both maps that match without a guess, poses, covariances, and (k,) confidences."""
     known = Keyframes(find_matcher(DEFAULT_METHOD))
     for k, scan in enumerate(one.scans):
         known.add(scan, k)
-    pairs, poses, covariances = [], [], []
+    pairs, poses, covariances, confidence = [], [], [], []
     for j in np.unique(np.linspace(0, len(other) - 1, min(_MOST_VIEWS, len(other))).astype(int)).tolist():
         current = known.prepare(other.scans[j])
         for i in known.index.most_similar(known.signature(current), _N_ALIKE).tolist():
@@ -98,20 +96,22 @@ def _matches(one: SlamMap, other: SlamMap) -> tuple[Ints, Pose, Cov]:
                 pairs.append((i, j))
                 poses.append(result.pose)
                 covariances.append(NOISE.edge(as_measurement(result).cov))
-    n = len(pairs)
-    return np.array(pairs, dtype=np.int64).reshape(n, 2), np.reshape(poses, (n, 3)), np.reshape(covariances, (n, 3, 3))
+                confidence.append(result.confidence)
+    ends = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    return ends, np.reshape(poses, (-1, 3)), np.reshape(covariances, (-1, 3, 3)), np.array(confidence)
 
 
-def _agreed(places: Pose, views: Ints) -> Bools:
-    """Return (k,) which matches of views (k,) agree on where they put a map (k, 3), or refuse."""
+def _agreed(places: Pose, views: Ints, confidence: Floats) -> Bools:
+    """Return (k,) which matches agree on where they put a map (k, 3), or refuse; a view counts by its surest one."""
     near = np.array([_is_same(place, places) for place in places], dtype=np.bool_).reshape(len(places), len(places))
-    support = np.array([len(np.unique(views[row])) for row in near], dtype=np.int64)
+    right = np.where(near, confidence, 0.0)
+    support = sum((right[:, views == view].max(axis=1) for view in np.unique(views)), np.zeros(len(places)))
     best = places[np.argmax(support)] if len(places) else np.zeros(3)
     most, rival = support.max(initial=0), support[~_is_same(best, places, 2.0)].max(initial=0)
     if most < _LEAST or most < _MARGIN * rival:
         raise InvalidArgumentError(
-            f"nothing joins the two maps: {most} keyframes match without a guess and agree on how they lie, "
-            f"{rival} on another place; {_LEAST} are needed, and {_MARGIN} times as many as on any other"
+            f"nothing joins the two maps: {most:.3g} keyframes match without a guess and agree on how they lie, "
+            f"{rival:.3g} on another place; {_LEAST} are needed, and {_MARGIN} times as many as on any other"
         )
     return _is_same(best, places)
 
