@@ -90,7 +90,7 @@ class LoopSearch:
         """
         from scipy.spatial import cKDTree  # loads for a good part of a second
 
-        graph = self._map.graph
+        graph, profiles = self._map.graph, self._map.keyframes.profiles.array
         tied = set(map(tuple, np.sort(graph.ends).tolist()))
         fragments, poses, new = np.array(self._map.fragments), graph.poses, []
         places = cKDTree(poses[:, :2])
@@ -98,8 +98,7 @@ class LoopSearch:
             rows = np.sort(places.query_ball_point(poses[k, :2], _FARTHEST))
             rows = rows[(rows < k) & (fragments[rows] == fragments[k])]
             cov = np.broadcast_to(self.config.noise.spread, (len(rows), 3, 3))
-            relative = se2.between(poses[rows], poses[k])
-            chosen = choose_candidates(k, rows, relative, cov, self.config, self._map.keyframes.profiles.array)
+            chosen = choose_candidates(k, rows, se2.between(poses[rows], poses[k]), cov, self.config, profiles)
             new += [c for c in chosen if (c.i, c.j) not in tied]
         given = self._map.keyframes, poses, self.config, index  # an optimization was last: none moves another one
         others, found = beside(matched, *given, new[1::2]), matched(*given, new[::2])
@@ -127,21 +126,21 @@ class LoopSearch:
             found.append((group, lead_of(pool, members, growing.chain(), self.config, 0.0)))
         return found
 
-    def reopen(self) -> bool:
+    def reopen(self, audited: list[tuple[list[Closure], float]]) -> bool:
         """Accept what contradicts the map by matches that say all they can together; return whether any of it is new.
 
         By less false ones lead as well: a map that is right would be bent for good.
         """
         graph, least = self._map.graph, MOST_LOG_ODDS - self.config.closures.log_odds
         tied = set(map(tuple, graph.ends[graph.is_closure].tolist()))
-        new = [one for group, lead in self.audit() if lead > least for one in group if (one.i, one.j) not in tied]
+        new = [one for group, lead in audited if lead > least for one in group if (one.i, one.j) not in tied]
         for one in new:
             self._accept(replace(one, outcome=ClosureOutcome.AGREED))
         return len(new) > 0
 
-    def contradictions(self) -> list[Contradiction]:
-        """Return what contradicts the map, of what is likelier than the closures against it."""
-        likely = [group for group, log_odds in self.audit() if log_odds > 0.0]
+    def contradictions(self, audited: list[tuple[list[Closure], float]]) -> list[Contradiction]:
+        """Return what contradicts the map as it was audited, of what is likelier than the closures against it."""
+        likely = [group for group, log_odds in audited if log_odds > 0.0]
         return contradictions(likely, self._map.graph.poses, self._map.keyframes.numbers)
 
     def _try(self, candidate: Candidate, index: int) -> list[Closure]:
@@ -191,9 +190,7 @@ class LoopSearch:
     def renumber(self, is_kept: Bools) -> None:
         """Count the keyframes anew after some went; is_kept: which rows stayed."""
         at = np.where(is_kept, np.cumsum(is_kept) - 1, -1).tolist()
-        self._queue = deque(
-            Candidate(at[c.i], at[c.j], c.covariance) for c in self._queue if min(at[c.i], at[c.j]) >= 0
-        )
+        self._queue = deque(c._replace(i=at[c.i], j=at[c.j]) for c in self._queue if min(at[c.i], at[c.j]) >= 0)
         self._pool = [replace(c, i=at[c.i], j=at[c.j]) for c in self._pool if min(at[c.i], at[c.j]) >= 0]
 
 

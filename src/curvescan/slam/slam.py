@@ -205,10 +205,13 @@ class Slam:
             for _ in range(_N_PASSES):
                 self._search.densify(self._n_scans, beside)
                 self._settle()
-                if not self._search.reopen():
+                audited = self._search.audit()
+                if not self._search.reopen(audited):
                     break
                 self._settle()
-            self.contradictions = tuple(self._search.contradictions())
+            else:
+                audited = self._search.audit()
+            self.contradictions = tuple(self._search.contradictions(audited))
         return self.trajectory()
 
     def _settle(self) -> None:

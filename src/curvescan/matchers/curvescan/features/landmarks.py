@@ -27,9 +27,7 @@ class Landmarks(NamedTuple):
     """What poses are proposed from, in the sensor frame."""
 
     walls: Floats  # (k, 4): middle of a stretch of surface, and its normal times its length, metres
-    edges: (
-        Floats  # (k, 4): reading that hides what is beside it, and the unit vector across its beam to the hidden side
-    )
+    edges: Floats  # (k, 4): reading that hides what is beside it, and the unit vector across its beam to that side
     directions: Floats  # (120,): length of surface that faces each direction
     axis: float  # direction in which things that face alike stand beside one another, or at right angles to it, radians
 
