@@ -5,7 +5,8 @@ on keyframes of simulated floors matched by right and wrong priors, as a map's l
 holds them, on half of the pairs of another generator and on keyframes of real logs (neighbours: right; far apart:
 nothing shared; Killian by priors). All but the keyframes are matched without a prior, and with one that may be wrong.
 Prints the constants of `curvescan.matchers.curvescan.assessment.confidence`, a table of reliability with each family of
-sets left out of the fit in turn, and draws the diagram of the whole. Every family counts the same, and every set in it.
+sets left out of the fit in turn, and draws the diagram of the whole. Every family counts the same, every set in it, and
+every pair of a set, those too of which no pose was left.
 With --check nothing is fitted: table and diagram are those of the constants as they are.
 """
 
@@ -347,7 +348,7 @@ def main() -> None:
     for one in set(families):
         some = sorted(set(names[families == one]))
         for name in some:
-            weights[names == name] = 1.0 / (len(some) * np.sum(names == name))
+            weights[names == name] = 1.0 / (len(some) * table.counts[name])
 
     def fitted_to(rows: NDArray[np.bool_]) -> Floats:
         return fit(terms[rows], which[rows], weights[rows] / weights[rows].sum())
