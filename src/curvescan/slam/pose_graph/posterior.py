@@ -39,9 +39,9 @@ def covariances_seen_from(graph: PoseGraph, k: int, noise: NoiseConfig, *, in_ro
     """
     poses, ends, measured, weights = graph.poses, graph.ends, graph.measured, graph.weights.copy()
     # a step that slipped is as wide as it is off
-    is_step = ~graph.is_closure
-    off = squared_distances(poses, Edges.of(ends, measured, graph.edge_covariances))
-    weights[is_step] = np.minimum(1.0, GATE / np.maximum(off[is_step], GATE))
+    steps = np.flatnonzero(~graph.is_closure)
+    off = squared_distances(poses, Edges.of(ends[steps], measured[steps], graph.edge_covariances[steps]))
+    weights[steps] = np.minimum(1.0, GATE / np.maximum(off, GATE))
     is_match = (graph.kinds != EdgeKind.MOTION) & (weights > 0.5)
     covariances = graph.edge_covariances.copy()
     covariances[is_match] = without_floor(covariances[is_match], noise.floor)
