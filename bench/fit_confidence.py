@@ -251,8 +251,8 @@ class Table:
             self.terms.append(terms)
             self.right.append(_right(assessed, rows, true, near))
             self.flagged.append(bool(assessed.is_degenerate.any()))
-            self.confidence.append(support.probabilities(assessed.ties).accept)
-            is_alone = set(support.repeated()) <= set(assessed.ties)
+            self.confidence.append(support.probabilities(assessed.ties)[0])
+            is_alone = set(support.repeated) <= set(assessed.ties)
             self.is_repeated.append(not is_alone or weighed.may_be_turned)
 
 

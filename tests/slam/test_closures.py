@@ -14,7 +14,7 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import Candidate, choose_candidates, matched
-from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, difference, log_odds
+from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, difference
 from curvescan.slam.loops.overlap import range_profile
 
 
@@ -67,7 +67,7 @@ def test_a_slip_costs_the_same_however_far_and_more_where_it_turns(result: Match
 
 
 def test_a_match_says_what_its_confidence_does(result: MatchResult) -> None:
-    assert log_odds(_tested(result).confidence) == pytest.approx(np.log(19.0))
+    assert _tested(result).log_odds == pytest.approx(np.log(19.0))
 
 
 def test_what_is_seen_from_afar_errs_more_than_it_says(result: MatchResult) -> None:

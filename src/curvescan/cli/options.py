@@ -19,7 +19,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.baselines.config import CoxConfig, HistogramConfig, IcpConfig, IdcConfig, PlIcpConfig
 from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.registry import MatcherConfig, Method
+from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry.config import OdometryConfig
 from curvescan.slam.config import SlamConfig
 
@@ -120,7 +120,7 @@ class OdometryFlags:
 
     def config(self, chain: Chain = "auto") -> OdometryConfig:
         """Return the configuration of the odometry; "auto" uses keyframes where they suit the matcher."""
-        uses_keys = chain == "keys" or (chain == "auto" and OdometryConfig.keys_suit(self.matching.method))
+        uses_keys = chain == "keys" or (chain == "auto" and self.matching.method == DEFAULT_METHOD)
         config = self.odometry if uses_keys else OdometryConfig.scan_to_scan()
         return replace(config, deskew=self.odometry.deskew)
 

@@ -71,6 +71,11 @@ def _as_pose(value: ArrayLike, name: str) -> Pose:
     return pose
 
 
+def log_odds(confidence: float, unknown: float = 0.0) -> float:
+    """Return the log odds of a match by its confidence, 1 in a million at the most; `unknown` of one without."""
+    return unknown if math.isnan(confidence) else math.log(max(confidence, 1e-6) / max(1.0 - confidence, 1e-6))
+
+
 class Outcome(Enum):
     """How a match ended; the value is a sentence for people."""
 

@@ -113,9 +113,5 @@ class OdometryConfig:
     @classmethod
     def of_method(cls, method: str) -> OdometryConfig:
         """Return the configuration that suits a matcher: scan to scan for all but the default one."""
-        return cls() if cls.keys_suit(method) else cls.scan_to_scan()
-
-    @staticmethod
-    def keys_suit(method: str) -> bool:
-        """Return whether a matcher finds its way from far and says how sure it is, as keyframes need: the default."""
-        return method == DEFAULT_METHOD
+        # which finds its way from far and says how sure it is, as keyframes need
+        return cls() if method == DEFAULT_METHOD else cls.scan_to_scan()

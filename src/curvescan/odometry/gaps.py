@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from curvescan.matchers.result import WIDE_PRIOR
-from curvescan.odometry.measurement import CERTAIN, GatedMatch, gate, log_odds_of_best
+from curvescan.odometry.measurement import CERTAIN, GatedMatch, gate, odds_against
 from curvescan.odometry.observation import Gap, Keyframe, Localization, Observation, Placement
 from curvescan.odometry.step import StepOutcome
 from curvescan.se2.uncertain import UncertainPose, identity
@@ -102,7 +102,8 @@ def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMa
         if gated.is_plausible and (best is None or result.confidence > best.result.confidence):
             best, said, keyframe = gated, gated.log_odds, one
         elif best is None and not result.ok:
-            said = max(said, min(log_odds_of_best(result), 0.0) if result.candidates else _NOTHING)
+            found = result.candidates
+            said = max(said, min(-math.log(odds_against(found[0], found)), 0.0) if found else _NOTHING)
     return best, said, keyframe
 
 

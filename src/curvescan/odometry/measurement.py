@@ -7,6 +7,7 @@ direction or between poses, stands in the candidates of a match.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from curvescan.matchers import Candidate, MatchResult, PreparedScan, prepared
 from curvescan.matchers.registry import Matcher
-from curvescan.matchers.result import Outcome
+from curvescan.matchers.result import Outcome, log_odds
 from curvescan.odometry.config import MotionConfig, OdometryConfig
 from curvescan.odometry.motion_model import Prediction
 from curvescan.scan import LaserScan
@@ -63,9 +64,7 @@ class GatedMatch(NamedTuple):
     @property
     def log_odds(self) -> float:
         """Log odds that the match is right, within +-CERTAIN, less for a leap; the most where a matcher gives none."""
-        p = self.result.confidence
-        said = CERTAIN if math.isnan(p) else math.log(max(p, 1e-6) / max(1.0 - p, 1e-6))
-        return max(min(said, CERTAIN), -CERTAIN) - 0.5 * self.leap
+        return max(min(log_odds(self.result.confidence, unknown=CERTAIN), CERTAIN), -CERTAIN) - 0.5 * self.leap
 
     @property
     def is_accepted(self) -> bool:
@@ -175,7 +174,8 @@ class Matching:
         measured = None
         if motion.is_fused:
             result = decided_by_expectation(result, expected, motion)
-            if result.ok and is_vague_along(expected, result):
+            way = result.degenerate_direction
+            if way is not None and way[:2] @ expected.cov[:2, :2] @ way[:2] > _VAGUE_SIGMA**2 * (way[:2] @ way[:2]):
                 # without a guess, where the scans do not show by themselves the place along the open direction
                 is_own = not result.is_guess_decisive and _n_known(result.candidates[0]) == 3
                 own = result if is_own else self.matcher.match(reference.features, current.features, None)
@@ -196,22 +196,10 @@ def as_measurement(result: MatchResult) -> UncertainPose:
     return UncertainPose(result.pose, cov)
 
 
-def is_vague_along(expected: UncertainPose, result: MatchResult) -> bool:
-    """Return whether a match is degenerate along a direction in which the expectation is vague, too."""
-    if result.degenerate_direction is None:
-        return False
-    way = result.degenerate_direction[:2]
-    return bool(way @ expected.cov[:2, :2] @ way > _VAGUE_SIGMA**2 * (way @ way))
-
-
 def unguided_measurement(result: MatchResult) -> UncertainPose | None:
-    """Return what a match says along its degenerate direction too, None where it does not."""
-    if not result.ok:
-        return None
-    if result.degenerate_direction is None:
-        return UncertainPose(result.pose, result.covariance)
-    best = result.candidates[0]
-    return UncertainPose(best.pose, best.covariance) if _n_known(best) == 3 else None
+    """Return what a match without a guess says along its degenerate direction too, None where it does not."""
+    best = result.candidates[0] if result.ok else None
+    return None if best is None or _n_known(best) < 3 else UncertainPose(best.pose, best.covariance)
 
 
 def decided_by_expectation(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> MatchResult:
@@ -227,7 +215,6 @@ def decided_by_expectation(result: MatchResult, expected: UncertainPose, config:
     best = result.candidates[0]
     for one in result.candidates:
         if (one is best or one.log_odds > max(best.log_odds - CERTAIN, 0.0)) and _lies_near(one, expected, config):
-            rivals = sum(math.exp(other.log_odds - CERTAIN) for other in result.candidates if other is not one)
             return replace(
                 result,
                 outcome=Outcome.MATCHED,
@@ -236,7 +223,7 @@ def decided_by_expectation(result: MatchResult, expected: UncertainPose, config:
                 n_matched=one.n_matched,
                 degenerate_direction=one.degenerate_direction,
                 score=result.score * min(one.n_matched / max(best.n_matched, 1), 1.0),
-                confidence=1.0 / (1.0 + (1.0 + rivals) * math.exp(-one.log_odds)),
+                confidence=1.0 / (1.0 + odds_against(one, result.candidates, CERTAIN)),
             )
     return result
 
@@ -249,10 +236,10 @@ def _lies_near(one: Candidate, expected: UncertainPose, config: MotionConfig) ->
     return n_known == 3 and fuse(expected, UncertainPose(one.pose, near))[1] <= config.motion_gate_chi2
 
 
-def log_odds_of_best(result: MatchResult) -> float:
-    """Return the log odds that the first candidate of a match is right, and neither another nor nothing."""
-    best, *others = (candidate.log_odds for candidate in result.candidates)
-    return -math.log(math.exp(-best) + sum(math.exp(other - best) for other in others))
+def odds_against(one: Candidate, candidates: Sequence[Candidate], lead: float = 0.0) -> float:
+    """Return the odds that another candidate is right, of which each must be likelier by a lead, or nothing is."""
+    rivals = sum(math.exp(other.log_odds - lead) for other in candidates if other is not one)
+    return (1.0 + rivals) * math.exp(-one.log_odds)
 
 
 def _n_known(best: Candidate) -> int:

@@ -39,10 +39,6 @@ class Localization(NamedTuple):
         """The scan in the frame of the first one."""
         return compose(self.keyframe.pose_map_keyframe, self.pose_keyframe_scan)
 
-    def moved(self, motion: UncertainPose) -> Localization:
-        """Return where a motion leads from here."""
-        return Localization(keyframe=self.keyframe, pose_keyframe_scan=compose(self.pose_keyframe_scan, motion))
-
     def relative_to(self, keyframe: Keyframe) -> UncertainPose:
         """Return the same place seen from another keyframe, an earlier one or the same."""
         if keyframe is self.keyframe:

@@ -31,6 +31,7 @@ class _Attempt(NamedTuple):
     outcome: StepOutcome  # MATCHED with the keyframe, CHAINED with the previous scan
     keyframe: Keyframe  # the one it was matched with
     origin: UncertainPose  # the last scan seen from it
+    current: PreparedScan  # the scan, as it was deskewed for it
 
 
 def place(o: Observation) -> Placement:
@@ -63,13 +64,14 @@ def _try_references(o: Observation, last: Localization) -> _Attempt:
         outcome=StepOutcome.MATCHED,
         keyframe=last.keyframe,
         origin=last.pose_keyframe_scan,
+        current=current,
     )
     if attempt.gated.is_confident(rules.min_score):
         return attempt
     if previous is not None and previous is not last.keyframe.scan:
         second = matching.match(previous, current, identity(), prediction)
         keyframe = last.as_keyframe(previous, o.index - 1, rules.variance_retained)
-        nearest = _Attempt(gated=second, outcome=StepOutcome.CHAINED, keyframe=keyframe, origin=identity())
+        nearest = _Attempt(second, StepOutcome.CHAINED, keyframe, identity(), current)
         attempt = nearest if second.is_better_than(attempt.gated, rules.min_score) else attempt
     if attempt.gated.is_accepted or prediction.is_measured or not matching.config.motion.is_fused:
         return attempt
@@ -81,10 +83,8 @@ def _track(o: Observation, last: Localization, attempt: _Attempt) -> Placement |
     config = o.config.keyframes
     if not attempt.gated.is_accepted:
         return None
-    keyframe, sweep = attempt.keyframe, _with_better_sweep(o, attempt)
-    if sweep.first is not None:
-        keyframe = replace(keyframe, scan=sweep.first)
-    gated, result = sweep.gated, sweep.gated.result
+    attempt = _with_better_sweep(o, attempt)
+    gated, keyframe, result = attempt.gated, attempt.keyframe, attempt.gated.result
     expected = o.prediction.repeated if gated.is_by_last_motion else o.prediction.motion
     measured = compose(inverse(attempt.origin), gated.measured)
     if not gated.is_plausible:
@@ -96,7 +96,7 @@ def _track(o: Observation, last: Localization, attempt: _Attempt) -> Placement |
     placement = Placement(
         outcome=attempt.outcome,
         localization=localization,
-        current=sweep.current,
+        current=attempt.current,
         motion=o.state.motion.updated(o.prediction, motion, is_fully_observed=gated.is_fully_observed),
         # as the poses have it
         step_motion=UncertainPose(se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose), motion.cov),
@@ -121,7 +121,7 @@ def _extrapolate(o: Observation, last: Localization, failed: MatchResult) -> Pla
     gap = o.state.gap or open_gap(o, last)
     placement = Placement(
         outcome=StepOutcome.HELD if is_held else StepOutcome.PREDICTED,
-        localization=last.moved(motion),
+        localization=Localization(last.keyframe, compose(last.pose_keyframe_scan, motion)),
         current=o.current,
         motion=o.state.motion.updated_without_match(o.prediction, motion),
         step_motion=motion,
@@ -143,27 +143,18 @@ def _extrapolate(o: Observation, last: Localization, failed: MatchResult) -> Pla
     return with_keyframe(o, placement)  # a robot is never stuck on an old reference
 
 
-class _Sweep(NamedTuple):
-    """A match, the scan as it was deskewed for it, and the first scan of the stream where that was deskewed anew."""
-
-    gated: GatedMatch
-    current: PreparedScan
-    first: PreparedScan | None = None
-
-
-def _with_better_sweep(o: Observation, attempt: _Attempt) -> _Sweep:
+def _with_better_sweep(o: Observation, attempt: _Attempt) -> _Attempt:
     """Return the match once more where it found a motion that deskews the sweep better than the expected one."""
-    gated = attempt.gated
-    if not o.config.deskew or o.scan.time_increment == 0.0:
-        return _Sweep(gated, o.current)
-    found = se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose)
-    if not o.deskewer.is_worth_again(o.scan, o.prediction.motion.pose, found):
-        return _Sweep(gated, o.current)
-    better, reference, first = o.prepared(found), attempt.keyframe.scan, None
+    found = se2.between(attempt.origin.pose, attempt.gated.pose_keyframe_scan.pose)
+    expected = o.prediction.motion.pose
+    if not (o.config.deskew and o.scan.time_increment and o.deskewer.is_worth_again(o.scan, expected, found)):
+        return attempt
     if o.state.first is not None:  # its velocity was not known
-        reference = first = o.matching.prepare(o.deskewer.deskewed(o.state.first, found))
-    again = o.matching.match(reference, better, attempt.origin, o.prediction)
-    return _Sweep(again, better, first) if again.standing >= gated.standing else _Sweep(gated, o.current, first)
+        first = o.matching.prepare(o.deskewer.deskewed(o.state.first, found))
+        attempt = attempt._replace(keyframe=replace(attempt.keyframe, scan=first))
+    better = o.prepared(found)
+    again = o.matching.match(attempt.keyframe.scan, better, attempt.origin, o.prediction)
+    return attempt._replace(gated=again, current=better) if again.standing >= attempt.gated.standing else attempt
 
 
 def _is_leaving(localization: Localization, score: float, config: KeyframesConfig) -> bool:

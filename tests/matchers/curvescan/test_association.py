@@ -17,7 +17,7 @@ from curvescan.matchers.curvescan.association import (
     turned,
     turned_back,
 )
-from curvescan.matchers.curvescan.features.range_image import place_of, reading_at
+from curvescan.matchers.curvescan.features.range_image import place_in, reading_at
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, X, Y
 from tests.matchers.curvescan.scenes import MOTION, pair
 
@@ -36,7 +36,7 @@ def test_a_reading_falls_on_the_reading_in_its_direction(way):
         x, y = cs.se2.transform(towards, surfels[i, [X, Y]])
         found = associate(placed, i, other.image)
         assert (found.x, found.y) == pytest.approx((x, y), abs=_ROUNDING)
-        assert found.place == pytest.approx(place_of(x, y, other.image), abs=1e-6)
+        assert found.place == pytest.approx(place_in(x, y, *other.image.azimuth[:2]), abs=1e-6)
         assert found.j == reading_at(found.x, found.y, other.image)
         if found.j < 0:
             assert found.across == found.along == 0.0

@@ -9,9 +9,8 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose
-from curvescan.matchers.curvescan.assessment.evidence import BEYOND, SMALL
+from curvescan.matchers.curvescan.assessment.evidence import BEYOND, SMALL, extent
 from curvescan.matchers.curvescan.assessment.labels import INLIER
-from curvescan.matchers.curvescan.assessment.walls import extent
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import is_in_box
 from curvescan.matchers.curvescan.features.features import extract_features

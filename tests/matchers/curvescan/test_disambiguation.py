@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.assessment.assessment import assess_pose, degenerate_directions
+from curvescan.matchers.curvescan.assessment.assessment import Support, assess_pose, degenerate_directions
 from curvescan.matchers.curvescan.assessment.evidence import SMALL
-from curvescan.matchers.curvescan.assessment.support import Support
 from curvescan.matchers.curvescan.candidates import (
     direction_of_walls,
-    direction_to_search,
     look_closer,
     refine_candidates,
     with_places_along,
@@ -122,12 +120,11 @@ def test_ties_widen_the_covariance_until_it_holds_them():
 
 
 def test_ties_are_what_repeats_along_the_wall_or_all_where_the_first_is_not_sure_alone():
-    shares = {1: 0.8, 2: 0.1, 3: 0.9}
-    sure = Support(log_odds=4.0, rivals={1: -3.0, 2: -3.0, 3: -3.0}, repetitions=shares)
+    sure = Support(log_odds=4.0, rivals={1: -3.0, 2: -3.0, 3: -3.0}, repeated=[1, 3])
     assert ties_of(sure, [1, 2], CONFIG) == [1]
     assert ties_of(sure, [2], CONFIG) == []
     assert ties_of(sure, [], CONFIG) == []
-    unsure = Support(log_odds=4.0, rivals={1: -3.0, 2: 0.5, 3: -3.0}, repetitions=shares)
+    unsure = Support(log_odds=4.0, rivals={1: -3.0, 2: 0.5, 3: -3.0}, repeated=[1, 3])
     assert ties_of(unsure, [1, 2], CONFIG) == [1, 2]
 
 
@@ -159,10 +156,9 @@ def test_along_one_long_wall_other_places_are_looked_at_but_where_a_guess_says_w
     weighed = weigh(ref, cur, WIDE, pose, [0.8])
     weighed.evidence[0, SMALL] = 0.5  # people stand about
     assert weighed.is_one_way
-    np.testing.assert_array_equal(direction_to_search(ref, known, weighed, CONFIG), walls)
     guessed = weigh(ref, cur, Prior.of(prior_of(None, pose[0])), pose, [0.8])
     guessed.evidence[0, SMALL] = 0.5
-    assert direction_to_search(ref, known, guessed, CONFIG) is None
+    assert not guessed.is_one_way
     others = np.array([[0.4, 0.0, 0.0], [1.3, 0.0, 0.0], [0.4, 0.6, 0.0]])
     assert along_weakest_direction(others, known, False, walls, CONFIG) == [1]
     assert along_weakest_direction(others, known, False, None, CONFIG) == []

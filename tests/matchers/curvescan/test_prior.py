@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.prior import WIDE, Prior, log_odds, tells
+from curvescan.matchers.curvescan.prior import TOLD, WIDE, Prior, log_odds
 from curvescan.matchers.result import GUESS_SIGMA, WIDE_PRIOR, WIDE_SIGMA, prior_of
 from tests.matchers.curvescan.scenes import MOTION, pillar_scan
 
@@ -75,9 +75,8 @@ def test_a_prior_says_where_a_pose_is_if_it_is_narrow_and_about_there():
     assert not WIDE.is_told
     guess = Prior.of(prior_of(None, [1.0, 0.0, 0.0]))
     assert guess.is_told
-    assert tells(guess, np.array([[1.3, 0.0, 0.0]]))
-    assert not tells(guess, np.array([[1.6, 0.0, 0.0]]))
-    assert not tells(guess, np.array([[1.0, 0.0, 0.4]]))
+    told = log_odds(np.array([[1.3, 0.0, 0.0], [1.6, 0.0, 0.0], [1.0, 0.0, 0.4]]), guess)[0] > TOLD
+    assert told.tolist() == [True, False, False]
 
 
 def test_repeated_doors_are_ambiguous_until_a_tight_prior_says_which():

@@ -10,8 +10,7 @@ from curvescan.matchers.curvescan.association import BACKWARD, FORWARD, motion_o
 from curvescan.matchers.curvescan.config import RefinementConfig
 from curvescan.matchers.curvescan.features.range_image import reading_at
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, VARIANCE, X, Y
-from curvescan.matchers.curvescan.normal_equations import N_SUMS, N_TRIANGLE
-from curvescan.matchers.curvescan.refinement import accumulate, refine, solve
+from curvescan.matchers.curvescan.refinement import N_SUMS, N_TRIANGLE, accumulate, refine, solve
 from tests.matchers.curvescan.scenes import MOTION, pair
 from tests.reference import curvescan as slow
 

@@ -9,7 +9,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import SegmentsConfig
-from curvescan.matchers.curvescan.features.range_image import place_of, reading_at, reading_beside
+from curvescan.matchers.curvescan.features.range_image import place_in, reading_at, reading_beside
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
 from curvescan.simulation import SENSORS, simulate_pairs
 from tests.matchers.curvescan.scenes import features
@@ -119,7 +119,7 @@ def test_the_reading_beside_is_that_of_the_second_nearest_beam(n_beams):
             continue
         point = (np.cos(angle), np.sin(angle))
         nearest = reading_at(*point, one.image)
-        beside = reading_beside(place_of(*point, one.image), one.image, nearest)
+        beside = reading_beside(place_in(*point, *one.image.azimuth[:2]), one.image, nearest)
         if n_beams != 361 or beside >= 0:
             assert beside == slow.beside(np.array(point), scan.angles, by_beam)
             n_told += 1

@@ -15,10 +15,9 @@ from curvescan.matchers.curvescan.assessment.assessment import Assessment, asses
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, is_hopeless
 from curvescan.matchers.curvescan.assessment.evidence import gather_evidence
 from curvescan.matchers.curvescan.assessment.labels import INLIER
-from curvescan.matchers.curvescan.config import SAME, CurvescanConfig
+from curvescan.matchers.curvescan.config import SAME
 from curvescan.matchers.curvescan.features.features import N_WIDE, CurvescanFeatures
-from curvescan.matchers.curvescan.features.range_image import RangeImage
-from curvescan.matchers.curvescan.features.sampling import choose_samples
+from curvescan.matchers.curvescan.features.range_image import RangeImage, choose_samples
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, X, Y
 from curvescan.matchers.curvescan.prior import Prior, log_odds
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, FINE, select
@@ -35,14 +34,17 @@ _FINISH = (*FINE, _N_TOP, 4096, SAME, N_WIDE)
 def refine_candidates(problem: Problem, found: Candidates) -> tuple[WeighedPoses, Assessment | None]:
     """Return the candidates that come near the best, refined on all readings, and what the scans say of the first.
 
-    Where that is known badly along a direction, or looks the same elsewhere, with what is found there; None where no
-    pose finds enough support.
+    Where that is known badly along a direction, or looks the same elsewhere, with what is found there. Where nearly all
+    that agrees runs one way, as in a corridor, also along it: what fixes the pose may be people who agree by chance.
+    None where no pose finds enough support.
     """
-    ref, config = problem.reference, problem.config
+    ref = problem.reference
     weighed, assessment = look_closer(problem, found.poses[found.scores > CONTESTED * found.scores[:1]])
-    along = None if assessment is None else direction_to_search(ref, assessment, weighed, config)
-    if along is not None:
-        weighed, assessment = look_closer(problem, with_places_along(problem, weighed.poses, along))
+    if assessment is not None:
+        is_weak = assessment.is_weakly_observable(problem.config.information)
+        if is_weak or weighed.is_one_way:
+            along = assessment.weakest if is_weak else direction_of_walls(ref, assessment)
+            weighed, assessment = look_closer(problem, with_places_along(problem, weighed.poses, along))
     images = [] if assessment is None else images_of(ref, assessment, weighed)
     if images:
         weighed, assessment = look_closer(problem, np.array([*weighed.poses, *images]))
@@ -64,21 +66,6 @@ def images_of(ref: CurvescanFeatures, assessment: Assessment, weighed: WeighedPo
         images += [np.array([x - dy, y + dx, theta + quarter]), np.array([x + dy, y - dx, theta - quarter])]
         images += [np.array([x - dx, y - dy, theta + math.pi])]
     return images
-
-
-def direction_to_search(
-    ref: CurvescanFeatures, assessment: Assessment, weighed: WeighedPoses, config: CurvescanConfig
-) -> Pose | None:
-    """Return the direction along which the best pose may lie elsewhere, or None.
-
-    It is the least informed one, where that is weakly observable. Where nearly all that agrees runs one way, as in a
-    corridor, it is that way: what fixes the pose along it may be people who agree by chance.
-    """
-    if assessment.is_weakly_observable(config.information):
-        return assessment.weakest
-    if not weighed.is_one_way:
-        return None
-    return direction_of_walls(ref, assessment)
 
 
 def direction_of_walls(ref: CurvescanFeatures, assessment: Assessment) -> Pose:
@@ -104,7 +91,7 @@ def with_places_along(problem: Problem, poses: Floats, weakest: Pose) -> Floats:
 def look_closer(problem: Problem, poses: Floats) -> tuple[WeighedPoses, Assessment | None]:
     """Return poses refined on all readings, the best first, and what the scans say of it; None where that is little."""
     ref, cur, prior, config = problem
-    schedules = config.refinement.closer_schedule, EXACTLY
+    schedules = np.array(config.refinement.closer, dtype=float), EXACTLY
     *found, known = refine_and_weigh(poses, ref, cur, prior, schedules, limits_of(config), _FINISH)
     best = WeighedPoses(*found).best_first()
     if not len(known[0]):

@@ -7,12 +7,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
-
-import numpy as np
 
 from curvescan.errors import require
-from curvescan.types import Floats
 
 LASER_ERROR = 0.01
 """Error that all readings of a wall share, metres: rounding to centimetres, angle of incidence."""
@@ -38,9 +34,6 @@ AS_GOOD = 0.98
 
 ARM = 0.12
 """Half the length of the shortest line through readings, metres: so wide is a wall as well."""
-
-QUICK_SIGMAS = (0.06, 0.02)
-"""See :class:`RefinementConfig`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,20 +102,10 @@ class ScoringConfig:
 class RefinementConfig:
     """Refinement: how wrong a pose may be at each iteration; in the last one, on all readings, not at all."""
 
-    quick: tuple[float, ...] = QUICK_SIGMAS
+    quick: tuple[float, ...] = (0.06, 0.02)
     """Sigma schedule: standard deviation added in each iteration on the samples, metres, for the few best poses."""
     closer: tuple[float, ...] = (LASER_ERROR,)
     """The same for the one or two that are left."""
-
-    @cached_property
-    def quick_schedule(self) -> Floats:
-        """`quick` as an array."""
-        return np.array(self.quick, dtype=np.float64)
-
-    @cached_property
-    def closer_schedule(self) -> Floats:
-        """`closer` as an array."""
-        return np.array(self.closer, dtype=np.float64)
 
     def __post_init__(self) -> None:
         for name in ("quick", "closer"):

@@ -11,16 +11,16 @@ import numpy as np
 from curvescan.matchers.curvescan.assessment.assessment import (
     DOUBLED,
     Assessment,
+    Support,
     assess_pose,
     degenerate_directions,
+    support_of,
     without_dynamic,
 )
 from curvescan.matchers.curvescan.assessment.confidence import ANY, WeighedPoses
-from curvescan.matchers.curvescan.assessment.evidence import SMALL
-from curvescan.matchers.curvescan.assessment.support import Support, support_of
-from curvescan.matchers.curvescan.assessment.walls import extent
+from curvescan.matchers.curvescan.assessment.evidence import SMALL, extent
 from curvescan.matchers.curvescan.candidates import direction_of_walls
-from curvescan.matchers.curvescan.config import NEAR, CurvescanConfig, InformationConfig
+from curvescan.matchers.curvescan.config import NEAR, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
 from curvescan.matchers.curvescan.prior import log_odds
@@ -35,7 +35,6 @@ Known: TypeAlias = tuple[Cov, Cov]
 
 # What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured.
 _ARMS = np.array([1.0, 1.0, 2.0])
-_STRAIGHT = np.array([1.0, 1.0, 0.0])  # takes the turn from a direction
 _DIRECTION_SIGMA = 0.003  # standard deviation of a degenerate direction, radians
 # Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
 # bare corridor have less in common than they seem to where they are laid over each other.
@@ -71,9 +70,7 @@ class Verdict(NamedTuple):
     pose: Pose = NO_POSE  # (3,): of the current scan in the reference, if MATCHED, as are all below
     covariance: Cov = NO_COVARIANCE  # (3, 3): of the pose
     assessment: Assessment | None = None  # what the scans say of it
-    is_degenerate: bool = False  # whether the scans leave a direction open
     confidence: float = 0.0  # probability that the pose is right, within what its covariance says
-    is_guess_decisive: bool = False  # whether the scans alone leave several poses, and the prior decided
 
 
 def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | None) -> AssessedPose:
@@ -125,10 +122,7 @@ def along_weakest_direction(
     is_weak = assessment.information[0] < 2.0 * rules.degenerate_ratio * assessment.information[1]
     directions = [] if walls is None else [walls]
     if is_weak or is_open:
-        # the weakest direction of a wall and little more turns somewhat; the other places along the wall need not
         directions.append(assessment.weakest)
-        if max(map(abs, assessment.weakest[:2].tolist())) > _LEAST_SHIFT:
-            directions.append(assessment.weakest * _STRAIGHT)
     return [k for k in range(1, len(poses)) if any(is_along(one, poses[0], poses[k], 0.5 * NEAR) for one in directions)]
 
 
@@ -136,8 +130,8 @@ def ties_of(support: Support, along: list[int], config: CurvescanConfig) -> list
     """Return rows along the weakest direction that may be right instead of the first: all, unless it is sure alone."""
     if not along:
         return []
-    ties = [k for k in support.repeated() if k in along]
-    if support.probabilities(ties).accept < config.scoring.min_confidence:
+    ties = [k for k in support.repeated if k in along]
+    if support.probabilities(ties)[0] < config.scoring.min_confidence:
         ties = [k for k in along if k in support.rivals]
     return ties
 
@@ -152,8 +146,8 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     least = config.scoring.min_confidence
     if assessment is None or support is None or all(is_degenerate.tolist()):
         return Verdict(Outcome.UNSUPPORTED, assessed.known[0])
-    accept, _, unsupported = support.probabilities(assessed.ties)
-    is_alone = set(support.repeated()) <= set(assessed.ties)
+    accept, unsupported = support.probabilities(assessed.ties)
+    is_alone = set(support.repeated) <= set(assessed.ties)
     if is_alone and accept < least and 1.0 - unsupported < least:
         return Verdict(Outcome.UNSUPPORTED, assessed.known[0])
     is_turned = assessed.weighed.may_be_turned or is_in_box(ref, cur, assessed.weighed, assessment)
@@ -166,9 +160,7 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
         assessment=assessment,
         information=information,
         covariance=cov,
-        is_degenerate=any(is_degenerate.tolist()),
         confidence=accept,
-        is_guess_decisive=problem.prior.is_told and support.is_by_prior,
     )
 
 
@@ -194,7 +186,10 @@ def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> t
         pose, assessment = move_to_guess(problem, pose, assessment)
         information, cov = assessment.matrices(is_degenerate, config.information)
     if is_degenerate[0]:
-        cov = cov + covariance_of_direction(assessment.weakest, config.information)
+        # walls are parallel to a few milliradians only
+        dx, dy, _ = assessment.weakest.tolist()
+        across = _DIRECTION_SIGMA * config.information.degenerate_sigma * np.array([-dy, dx, 0.0])
+        cov = cov + np.outer(across, across)
     if is_degenerate[0] and ties:
         cov += covariance_of_ties(pose, poses[[0, *ties]])
     return pose, assessment, (information, cov)
@@ -212,11 +207,21 @@ def competing_poses(problem: Problem, assessed: AssessedPose, verdict: Verdict) 
     if sigma is not None:
         sure = first._replace(information=np.array([sigma**-2, *first.information[1:]]))
         known = sure.matrices(np.zeros(3, dtype=np.bool_), rules)
-    candidates = [_candidate(poses[0], support.log_odds, first, assessed.is_degenerate, known)]
-    for row in sorted(support.rivals, key=lambda row: -support.rivals[row])[: _MAX_CANDIDATES - 1]:
-        found = assess_pose(problem.reference, problem.current, poses[row], problem.config)
-        log_odds, known = support.log_odds + support.rivals[row], found.matrices(found.is_open, rules)
-        candidates.append(_candidate(poses[row], log_odds, found, found.is_open, known))
+    candidates, found, is_open, log_odds = [], first, assessed.is_degenerate, support.log_odds
+    for row in [0, *sorted(support.rivals, key=lambda row: -support.rivals[row])][:_MAX_CANDIDATES]:
+        if row:
+            found = assess_pose(problem.reference, problem.current, poses[row], problem.config)
+            is_open, log_odds = found.is_open, support.log_odds + support.rivals[row]
+            known = found.matrices(is_open, rules)
+        one = Candidate(
+            pose=poses[row],
+            log_odds=log_odds,
+            information=known[0],
+            covariance=known[1],
+            degenerate_direction=found.weakest if is_open[0] else None,
+            n_matched=found.n_inliers,
+        )
+        candidates.append(one)
     return tuple(candidates)
 
 
@@ -233,26 +238,6 @@ def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, dir
     way = 2.0 * DOUBLED[-1] * rules.max_sigma * direction
     lost = agreement_lost(assessed.weighed.poses[0], way, *images, *FINE)
     return rules.max_sigma if lost > 0.5 * rules.degenerate_ratio else None
-
-
-def _candidate(pose: Pose, log_odds: float, found: Assessment, is_open: Bools, known: Known) -> Candidate:
-    """Return a candidate."""
-    return Candidate(
-        pose=pose,
-        log_odds=log_odds,
-        information=known[0],
-        covariance=known[1],
-        degenerate_direction=found.weakest if is_open[0] else None,
-        n_matched=found.n_inliers,
-    )
-
-
-def covariance_of_direction(weakest: Pose, config: InformationConfig) -> Cov:
-    """Return the (3, 3) covariance across a degenerate direction: walls are parallel to a few milliradians only."""
-    dx, dy, _ = weakest.tolist()
-    across = _DIRECTION_SIGMA * config.degenerate_sigma * np.array([-dy, dx, 0.0])
-    cov: Cov = np.outer(across, across)
-    return cov
 
 
 def covariance_of_ties(pose: Pose, ties: Floats) -> Cov:
@@ -277,7 +262,8 @@ def move_to_guess(problem: Problem, pose: Pose, assessment: Assessment) -> tuple
     offset = np.array(difference(prior.pose, pose)) * _ARMS
     distance_along = float(along @ offset) / float(along @ along)
     moved_along = pose + distance_along * assessment.weakest
-    moved_along = refine(moved_along[np.newaxis], ref.full_image, cur.full_image, config.refinement.closer_schedule)
+    schedule = np.array(config.refinement.closer, dtype=float)
+    moved_along = refine(moved_along[np.newaxis], ref.full_image, cur.full_image, schedule)
     images = ref.wide_image, cur.wide_image
     before, after = (select(one, *images, *FINE, 1, 4096, 0.0)[1] for one in (pose[np.newaxis], moved_along))
     if not len(after) or after[0] < _SHARE * before[0]:

@@ -7,12 +7,10 @@ point to line, so that no index-by-index pairs cost accuracy.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
-from curvescan.matchers.curvescan.assessment.evidence import N_EVIDENCE
 from curvescan.matchers.curvescan.assessment.labels import beam_labels
 from curvescan.matchers.curvescan.candidates import refine_candidates
 from curvescan.matchers.curvescan.config import CurvescanConfig
@@ -20,17 +18,12 @@ from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, a
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
 from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal.search import NOTHING, Candidates, Problem, at_prior, effort_of, searched
-from curvescan.matchers.result import NO_INFORMATION, MatchResult, Outcome
+from curvescan.matchers.result import MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 
 _NO_CODES = np.empty(0, dtype=np.uint8)
-_MIN_PROBES = 6
-_NOT_ASSESSED = AssessedPose(
-    weighed=WeighedPoses(NOTHING.poses, NOTHING.scores, np.empty((0, N_EVIDENCE)), np.empty(0), np.empty(0)),
-    is_degenerate=np.ones(3, dtype=np.bool_),
-    ties=[],
-)
+_MIN_SAMPLES = 6
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,7 +49,7 @@ class CurvescanMatcher:
 
     def can_be_reference(self, features: CurvescanFeatures) -> bool:
         """Return whether the scan has surfaces to compare."""
-        return len(features.image.samples) >= _MIN_PROBES
+        return len(features.image.samples) >= _MIN_SAMPLES
 
     def match(
         self, reference: CurvescanFeatures, current: CurvescanFeatures, prior: UncertainPose | None
@@ -68,7 +61,7 @@ class CurvescanMatcher:
         """
         problem = Problem(reference, current, WIDE if prior is None else Prior.of(prior), self.config)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
-            return report(problem, NOTHING, _NOT_ASSESSED, Verdict(Outcome.NO_SEGMENTS, NO_INFORMATION))
+            return replace(judged(problem, NOTHING), outcome=Outcome.NO_SEGMENTS)
         near, is_likely = at_prior(problem, self._effort)
         if is_likely and (result := judged(problem, near)).ok:
             return result
@@ -83,7 +76,7 @@ def judged(problem: Problem, candidates: Candidates) -> MatchResult:
 
 def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict: Verdict) -> MatchResult:
     """Return the result for users: the pose with its covariance and labels, or the outcome without one."""
-    ref, cur, assessment = problem.reference, problem.current, verdict.assessment
+    ref, cur, assessment, support = problem.reference, problem.current, verdict.assessment, assessed.support
     codes = (assessment.codes_ref, assessment.codes_cur) if assessment else (_NO_CODES, _NO_CODES)
     labels = beam_labels(ref.n_beams, ref.beam_idx, codes[0], cur.n_beams, cur.beam_idx, codes[1])
     scores: list[float] = assessed.weighed.scores.tolist() or [math.nan]
@@ -96,11 +89,12 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
         trace=CurvescanTrace(reference=ref, current=cur, candidates=found, assessed=assessed),
         labels_reference=labels[: ref.n_beams],
         labels_current=labels[ref.n_beams :],
-        degenerate_direction=assessment.weakest if assessment and verdict.is_degenerate else None,
+        degenerate_direction=assessment.weakest if assessment and any(assessed.is_degenerate.tolist()) else None,
         score=scores[0],
         runner_up=max(scores[1:], default=math.nan),
         confidence=verdict.confidence,
         candidates=competing_poses(problem, assessed, verdict),
         information=verdict.information,
-        is_guess_decisive=verdict.is_guess_decisive,
+        # the scans alone leave several poses
+        is_guess_decisive=bool(assessment and support and problem.prior.is_told and support.is_by_prior),
     )

@@ -27,19 +27,6 @@ from curvescan.matchers.curvescan.association import (
 from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, REACH, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, VARIANCE
-from curvescan.matchers.curvescan.normal_equations import (
-    GRADIENT_T,
-    GRADIENT_X,
-    GRADIENT_Y,
-    N_SUMS,
-    TT,
-    XT,
-    XX,
-    XY,
-    YT,
-    YY,
-    add_square,
-)
 from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
 
@@ -57,6 +44,22 @@ _DAMPING = 10.0
 _MAX_STEP = 0.5  # longest step of an iteration, metres and radians: beyond it the lines are others
 EXACTLY = np.zeros(1)  # sigma schedule of the last iteration: the pose is as good as the readings
 _LEAST_PIVOT = 1e-12  # so that no root is taken of what rounding makes negative
+# Columns of normal equations over x, y and theta: the upper triangle of the information, and the gradient.
+XX, XY, XT, YY, YT, TT, GRADIENT_X, GRADIENT_Y, GRADIENT_T = range(9)
+N_TRIANGLE = TT + 1
+N_SUMS = GRADIENT_T + 1
+
+
+@inlined
+def add_square(system: Floats, first: int, weight: float, jx: float, jy: float, jt: float) -> None:
+    """Add to the triangle that starts at column `first` the information of one residual with the given derivatives."""
+    wx, wy = weight * jx, weight * jy
+    system[first + XX] += wx * jx
+    system[first + XY] += wx * jy
+    system[first + XT] += wx * jt
+    system[first + YY] += wy * jy
+    system[first + YT] += wy * jt
+    system[first + TT] += weight * jt * jt
 
 
 @kernel

@@ -12,7 +12,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers import PreparedScan
-from curvescan.matchers.result import GUESS_COVARIANCE, WIDE_PRIOR
+from curvescan.matchers.result import GUESS_COVARIANCE, WIDE_PRIOR, log_odds
 from curvescan.odometry.measurement import as_measurement
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
@@ -20,7 +20,7 @@ from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import STEP_M
 from curvescan.slam.localization.field import DistanceField, points_of
-from curvescan.slam.loops.closures import MOST_ODDS, is_certain, log_odds
+from curvescan.slam.loops.closures import MOST_ODDS, is_certain
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Points, Pose
@@ -179,4 +179,4 @@ def _agree(expected: UncertainPose, hit: Hit) -> bool:
 
 def _weight(confidence: float) -> float:
     """Return what a match of some confidence weighs, by its log odds; a half where the matcher gives none."""
-    return 0.5 if math.isnan(confidence) else max(log_odds(confidence) / MOST_ODDS, 0.0)
+    return min(max(log_odds(confidence, unknown=0.5 * MOST_ODDS) / MOST_ODDS, 0.0), 1.0)

@@ -13,7 +13,7 @@ import numpy as np
 from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.loops.closures import Closure, log_odds
+from curvescan.slam.loops.closures import Closure
 from curvescan.slam.loops.cycles import Chain, cycle_distances
 from curvescan.types import Bools, Ints
 
@@ -63,7 +63,7 @@ def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
     if not len(members):
         return 0.0
     chosen = [pool[k] for k in members.tolist()]
-    said = np.array([log_odds(c.confidence) for c in chosen])
+    said = np.array([c.log_odds for c in chosen])
     ends = chain.poses[np.array([(c.i, c.j) for c in chosen])]
     off = ends[:, np.newaxis] - ends
     # how much their ends differ along the odometry, metres; a radian counts as one

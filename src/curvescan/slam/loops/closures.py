@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.matchers import MatchResult
+from curvescan.matchers.result import log_odds
 from curvescan.odometry.measurement import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
 from curvescan.slam.config import ANYWHERE_M, SlamConfig
@@ -68,6 +69,11 @@ class Closure:
     place: UncertainPose | None = None  # the edge, where the scans tell where along an open way it lies: no evidence
 
     @property
+    def log_odds(self) -> float:
+        """Log odds of the match by its confidence; even ones without."""
+        return min(log_odds(self.confidence), MOST_ODDS)
+
+    @property
     def is_accepted(self) -> bool:
         """Whether it became an edge of the graph."""
         return self.outcome in (ClosureOutcome.ACCEPTED, ClosureOutcome.AGREED)
@@ -106,17 +112,11 @@ def closure_of(
     distance = fuse(expected, found)[1]
     expectation = expectation_of(difference(expected.pose, found.pose), expected.cov + found.cov, config)
     tried = replace(tried, covariance=config.noise.edge(found.cov), distance=distance, expectation=expectation)
-    if expectation + log_odds(tried.confidence) > config.closures.log_odds:
+    if expectation + tried.log_odds > config.closures.log_odds:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
     # neighbours close no loop, views from afar dispute no map, and what leaves a way open agrees with the next room
     may_wait = is_loop(i, j) and not is_far and result.degenerate_direction is None
     return replace(tried, outcome=ClosureOutcome.WAITING if may_wait else ClosureOutcome.UNEXPECTED)
-
-
-def log_odds(confidence: float) -> float:
-    """Return the log odds of a match by its confidence; of one without, even ones."""
-    p = 0.5 if math.isnan(confidence) else confidence
-    return min(math.log(max(p, 1e-6) / max(1.0 - p, 1e-6)), MOST_ODDS)
 
 
 def difference(one: Pose, other: Pose) -> Pose:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from curvescan.matchers.curvescan.assessment.assessment import Support
+from curvescan.matchers.curvescan.assessment.assessment import regular_rows as rows_of
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
 from curvescan.matchers.curvescan.assessment.evidence import N_EVIDENCE
-from curvescan.matchers.curvescan.assessment.support import Support
-from curvescan.matchers.curvescan.assessment.support import regular_rows as rows_of
 
 
 def regular_rows(poses, shares):
@@ -20,7 +20,6 @@ def test_two_poses_to_either_side_make_a_row_of_equal_things():
     shares = {1: 0.4, 2: 0.4}
     row = np.array([[0.1, 0.2, 0.3], [1.3, 0.2, 0.3], [-1.0, 0.2, 0.3]])
     assert regular_rows(row, shares) == (1, 2)
-    assert Support(log_odds=3.0, rivals={}, repetitions=shares, regular=(1, 2)).repeated() == [1, 2]
     for k, change in ((2, [0.5, 0.0, 0.0]), (2, [0.0, 0.5, 0.0]), (1, [0.0, 0.0, 0.2])):
         other = row.copy()
         other[k] += change
@@ -29,12 +28,10 @@ def test_two_poses_to_either_side_make_a_row_of_equal_things():
     assert regular_rows(row, {1: 0.4, 2: 0.2}) == ()
 
 
-def test_probabilities_sum_to_one():
-    support = Support(log_odds=1.0, rivals={1: 0.0, 2: -1.0}, repetitions={1: 0.1, 2: 0.1})
-    accept, ambiguous, unsupported = support.probabilities()
-    assert accept + ambiguous + unsupported == pytest.approx(1.0)
+def test_probabilities_are_shares_of_all_odds():
+    support = Support(log_odds=1.0, rivals={1: 0.0, 2: -1.0}, repeated=[])
+    accept, unsupported = support.probabilities()
     assert unsupported == pytest.approx(accept * np.exp(-1.0))
-    assert ambiguous == pytest.approx(accept * (np.exp(0.0) + np.exp(-1.0)))
-    held = support.probabilities([1, 2])
-    assert held.accept == pytest.approx(1.0 - unsupported)
-    assert held.ambiguous == pytest.approx(0.0)
+    assert 1.0 - accept - unsupported == pytest.approx(accept * (np.exp(0.0) + np.exp(-1.0)))
+    held, unsupported = support.probabilities([1, 2])
+    assert held == pytest.approx(1.0 - unsupported)

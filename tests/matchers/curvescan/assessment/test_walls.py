@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from curvescan.matchers.curvescan.assessment.walls import excess_lengths
+from curvescan.matchers.curvescan.assessment.evidence import excess_lengths
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
 from tests.matchers.curvescan.assessment.test_evidence import wall
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.matchers.curvescan.features.sampling import choose_samples
+from curvescan.matchers.curvescan.features.range_image import choose_samples
 from tests.matchers.curvescan.scenes import features, pillar_scan
 
 

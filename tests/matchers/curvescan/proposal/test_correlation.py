@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from curvescan.matchers.curvescan.proposal.correlation import correlate, peaks_of
+from curvescan.matchers.curvescan.proposal.hypotheses import correlate, peaks_of
 
 
 @pytest.mark.parametrize("first", [0, 3, -5, 21])

@@ -11,7 +11,7 @@ import pytest
 import curvescan as cs
 from curvescan.matchers.curvescan.association import FORWARD, motion_of, project
 from curvescan.matchers.curvescan.config import ScoringConfig
-from curvescan.matchers.curvescan.features.range_image import place_of, reading_at, reading_beside
+from curvescan.matchers.curvescan.features.range_image import place_in, reading_at, reading_beside
 from curvescan.matchers.curvescan.proposal import scoring
 from curvescan.matchers.curvescan.proposal.scoring import agreement_lost, score_samples, select
 from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
@@ -42,7 +42,7 @@ def slow_score(one, other, pose):
     image = other.image
 
     def beside(point):
-        return reading_beside(place_of(*point, image), image, reading_at(*point, image))
+        return reading_beside(place_in(*point, *image.azimuth[:2]), image, reading_at(*point, image))
 
     return slow.score_samples(one.image.samples, image, lambda p: reading_at(*p, image), beside, pose, 0.05, 0.01)
 

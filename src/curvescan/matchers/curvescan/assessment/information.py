@@ -18,7 +18,7 @@ from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD, distances, lever, motion_of, projected, turned
 from curvescan.matchers.curvescan.features.objects import Objects
 from curvescan.matchers.curvescan.features.surfels import NX, NY, TILT, VARIANCE
-from curvescan.matchers.curvescan.normal_equations import N_TRIANGLE, XX, YY, add_square
+from curvescan.matchers.curvescan.refinement import N_TRIANGLE, XX, YY, add_square
 from curvescan.types import Bools, Floats, Ints
 
 Row: TypeAlias = tuple[float, float, float]

@@ -12,8 +12,12 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.landmarks import Landmarks, find_landmarks
 from curvescan.matchers.curvescan.features.objects import Objects, find_objects
-from curvescan.matchers.curvescan.features.range_image import RangeImage, azimuth_table, uneven_azimuth_table
-from curvescan.matchers.curvescan.features.sampling import choose_samples
+from curvescan.matchers.curvescan.features.range_image import (
+    RangeImage,
+    azimuth_table,
+    choose_samples,
+    uneven_azimuth_table,
+)
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
 from curvescan.matchers.curvescan.features.surfels import NX, NY, X, Y, fit_lines, fit_surfels
 from curvescan.scan import LaserScan

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import inlined, kernel
+from curvescan.matchers.curvescan.features.surfels import LENGTH, N_COLUMNS
 from curvescan.types import Floats, Ints
 
 
@@ -38,6 +39,9 @@ _TINY = 1e-300  # so that the origin is not divided by zero
 _PLACES = np.cos(np.arange(1, 128, 2) * math.pi / 256)
 _FIT = np.linalg.lstsq(_PLACES[:, np.newaxis] ** np.arange(3, 18, 2), np.arctan(_PLACES) - _PLACES, rcond=None)[0]
 _ATAN: tuple[float, ...] = tuple(_FIT.round(9).tolist())
+
+# Share of a circle by which steps around it spread most evenly, however many there are.
+_GOLDEN_SECTION = 0.5 * (math.sqrt(5) - 1.0)
 
 
 @kernel
@@ -125,14 +129,8 @@ def bearing(x: float, y: float) -> float:
 
 
 @inlined
-def place_of(x: float, y: float, image: RangeImage) -> float:
-    """Return where a point stands in the azimuth table, in slots, one turn off at most; NaN of what is too far away."""
-    return place_in(x, y, image.azimuth[AZIMUTH_MIN], image.azimuth[SLOTS_A_RADIAN])
-
-
-@inlined
 def place_in(x: float, y: float, azimuth_min: float, slots_a_radian: float) -> float:
-    """Return where a point stands in the azimuth table, as :func:`place_of` does, of these two columns of `azimuth`."""
+    """Return where a point stands in a table of such columns, slots, one turn off at most; NaN of what is too far."""
     # both angles lie in [-pi, pi], so that their difference is at most one turn off
     return float((bearing(x, y) - azimuth_min) * slots_a_radian + 0.5)
 
@@ -152,7 +150,7 @@ def reading_in(place: float, image: RangeImage) -> int:
 @inlined
 def reading_at(x: float, y: float, image: RangeImage) -> int:
     """Return the reading that a scan has in the direction of (x, y), or a negative number as in its azimuth table."""
-    return reading_in(place_of(x, y, image), image)
+    return reading_in(place_in(x, y, image.azimuth[AZIMUTH_MIN], image.azimuth[SLOTS_A_RADIAN]), image)
 
 
 @inlined
@@ -161,3 +159,36 @@ def reading_beside(place: float, image: RangeImage, nearest: int) -> int:
     half = 0.5 * image.azimuth[SLOTS_A_BEAM]
     before = reading_in(place - half, image)
     return before if before != nearest else reading_in(place + half, image)
+
+
+@kernel
+def choose_samples(surfels: Floats, n_samples: int) -> Floats:
+    """Return n_samples surfels, or none if there are no lines, spread evenly over the lengths of the surfaces.
+
+    A reading that stands for much may be chosen more than once. The first few of the samples are spread as evenly as
+    all of them.
+    """
+    m = surfels.shape[0]
+    total = 0.0
+    for i in range(m):
+        total += surfels[i, LENGTH]
+    chosen = np.empty(n_samples, dtype=np.int64)
+    count = 0
+    reached = 0.0
+    for i in range(m):
+        length = surfels[i, LENGTH]
+        reached += length
+        while count < n_samples and length > 0.0 and reached * n_samples >= (count + 0.5) * total:
+            chosen[count] = i
+            count += 1
+    # a stride near the golden section that shares no factor with the count visits each one once
+    stride = max(int(_GOLDEN_SECTION * count), 1)
+    while math.gcd(stride, max(count, 1)) != 1:
+        stride += 1
+    samples = np.empty((count, N_COLUMNS))
+    k = 0
+    for i in range(count):
+        for column in range(N_COLUMNS):
+            samples[i, column] = surfels[chosen[k], column]
+        k = (k + stride) % count
+    return samples

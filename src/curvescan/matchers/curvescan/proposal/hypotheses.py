@@ -18,7 +18,6 @@ from curvescan.matchers.curvescan.features.landmarks import FACING_X, FACING_Y, 
 from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_at
 from curvescan.matchers.curvescan.features.surfels import RANGE
-from curvescan.matchers.curvescan.proposal.correlation import correlate, peaks_of
 from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
 
@@ -44,6 +43,45 @@ def rotation_hypotheses(histogram_ref: Floats, histogram_cur: Floats, n_rotation
         poses[k, 0], poses[k, 1] = around[0], around[1]
         poses[k, 2] = around[2] if k == 0 else wrap_angle(shifts[k - 1] * 2.0 * math.pi / n)
     return poses
+
+
+@kernel
+def correlate(likeness: Floats, twice: Floats, other: Floats, first: int) -> None:
+    """Add to (k,) how well two histograms agree with the second shifted by `first` bins and up to k - 1 more.
+
+    twice: (2 n,) the one, twice in a row; (n,) the other.
+    """
+    for k in range(other.size):
+        length = other[k]
+        if length > 0.0:
+            start = (k + first) % other.size
+            for shift in range(likeness.size):  # the inner loop, as the compiler then turns it into vector instructions
+                likeness[shift] += length * twice[start + shift]
+
+
+@kernel
+def peaks_of(likeness: Floats, n_peaks: int) -> tuple[Floats, Floats]:
+    """Return (k,) places of the highest peaks, n_peaks at most, in bins and parts of them, and their (k,) heights."""
+    n = likeness.size
+    at = np.empty(n, dtype=np.int64)
+    count = n - n  # 0 that is no constant
+    for k in range(n):
+        if likeness[k] > 0.0 and likeness[k] >= likeness[k - 1] and likeness[k] > likeness[(k + 1) % n]:
+            at[count] = k
+            count += 1
+    n_peaks = min(n_peaks, count)
+    places, heights = np.empty(n_peaks), np.empty(n_peaks)
+    for p in range(n_peaks):
+        best = p
+        for q in range(p + 1, count):
+            if likeness[at[q]] > likeness[at[best]]:
+                best = q
+        at[p], at[best] = at[best], at[p]
+        k = at[p]
+        left, right = likeness[k - 1], likeness[(k + 1) % n]
+        places[p] = k + 0.5 * (left - right) / (left - 2.0 * likeness[k] + right)
+        heights[p] = likeness[k]
+    return places, heights
 
 
 @kernel

@@ -13,7 +13,7 @@ from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.landmarks import Landmarks
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.pose_difference import distance
-from curvescan.matchers.curvescan.prior import Prior, tells
+from curvescan.matchers.curvescan.prior import TOLD, Prior, log_odds
 from curvescan.matchers.curvescan.proposal.hypotheses import rotation_hypotheses, translation_hypotheses
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, ROUGH, select
 from curvescan.matchers.curvescan.refinement import refine
@@ -26,7 +26,7 @@ _LEAST_SCORE = 0.1  # of a candidate: what scores less is there by chance, also 
 _TURN_STEP = 0.1
 _N_REFINED, _N_KEPT = 6, 4  # poses that are refined, and of these how many are candidates
 CONTESTED = 0.3  # a pose with this share of the best one's score competes with it, and is judged beside it
-_CERTAIN_SCORE = 0.55  # see Effort
+_CERTAIN_SCORE = 0.55  # from which on a prior is followed
 
 
 class Problem(NamedTuple):
@@ -46,7 +46,6 @@ class Effort(NamedTuple):
     max_tried: int  # places at which walls coincide
     n_rotations: int  # turns by the directions of surfaces
     doubtful_score: float  # as in ScoringConfig
-    certain_score: float  # from which on a prior is followed
     # poses refined and kept, and of which samples the rough and the close score are taken first
     n_kept: tuple[int, int]
     n_first: tuple[int, int]
@@ -69,11 +68,10 @@ def effort_of(config: CurvescanConfig) -> Effort:
     """Return how widely poses are looked for."""
     hypotheses, scoring = config.hypotheses, config.scoring
     return Effort(
-        config.refinement.quick_schedule,
+        np.array(config.refinement.quick, dtype=float),
         hypotheses.max_tried,
         hypotheses.n_rotations,
         scoring.doubtful_score,
-        _CERTAIN_SCORE,
         (_N_REFINED, _N_KEPT),
         (6, 64),
     )
@@ -105,7 +103,7 @@ def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort)
         guess[0, k] = prior.pose[k]
     refined, n_kept = refine(guess, ref, cur, effort.sigmas), len(guess)  # 1 that is no constant
     near, scores = select(refined, ref, cur, CLOSE[0], CLOSE[1], n_kept, effort.n_first[1], NEAR)
-    return near, scores, scores.size > 0 and scores[0] > effort.certain_score and tells(prior, near)
+    return near, scores, scores.size > 0 and scores[0] > _CERTAIN_SCORE and log_odds(near, prior)[0][0] > TOLD
 
 
 @kernel
