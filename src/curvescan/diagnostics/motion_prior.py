@@ -117,15 +117,15 @@ def _errors_of_visits(log: Log, poses: Pose) -> list[tuple[float, float]]:
     for later in np.random.default_rng(0).permutation(np.flatnonzero(way > _WAY)).tolist():
         if n_matched == _N_VISITS or (n_matched == _N_SURE and not errors):
             break
-        difference = np.abs(poses - poses[later])
-        difference[:, 2] = np.abs(se2.wrap(difference[:, 2]))
-        apart = np.where((way[later] - way > _WAY) & (difference[:, 2] < _NEAR), np.hypot(*difference[:, :2].T), np.inf)
-        earlier = int(np.nanargmin(apart))
-        if not apart[earlier] < _NEAR or abs(later - last) < _APART:
+        beside = np.flatnonzero(np.abs(poses[:, 0] - poses[later, 0]) < _NEAR)  # of few the rest is soon found
+        difference = np.abs(poses[beside] - poses[later])
+        apart = np.hypot(*difference[:, :2].T)
+        is_visit = (way[later] - way[beside] > _WAY) & (np.abs(se2.wrap(difference[:, 2])) < _NEAR) & (apart < _NEAR)
+        if not is_visit.any() or abs(later - last) < _APART:
             continue
+        earlier = int(beside[is_visit][np.argmin(apart[is_visit])])
         n_matched, last = n_matched + 1, later
-        motion = sure_motion(log[earlier], log[later])
-        if motion is not None:
+        if (motion := sure_motion(log[earlier], log[later])) is not None:
             off = motion - se2.between(poses[earlier], poses[later])
             errors.append((math.hypot(off[0], off[1]), abs(float(se2.wrap(off[2])))))
     return errors
