@@ -170,37 +170,6 @@ def test_a_match_that_lies_where_expected_is_accepted_whatever_it_explains(score
     assert gate(matched(score=score, confidence=0.51), EXPECTED, CONFIG).is_accepted
 
 
-REPEATED = UncertainPose(np.array([0.5, 0.0, 0.05]), EXPECTED.cov)
-"""What the last motion leads to expect, where another odometry says EXPECTED."""
-
-
-def test_a_match_where_the_last_motion_leads_rejects_another_odometry():
-    gated = gate(matched((0.51, 0.0, 0.05)), EXPECTED, CONFIG, repeated=REPEATED)
-    assert gated.is_plausible
-    assert gated.is_prior_rejected
-    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.51, 0.0, 0.05], atol=1e-3)
-    # where both agree with it nothing is rejected, and where neither does it is not plausible
-    near = UncertainPose(np.array([0.12, 0.0, 0.05]), EXPECTED.cov)
-    both = gate(matched((0.11, 0.0, 0.05)), EXPECTED, CONFIG, repeated=near)
-    assert both.is_plausible
-    assert not both.is_prior_rejected
-    neither = gate(matched((2.0, 0.0, 0.05)), EXPECTED, CONFIG, repeated=REPEATED)
-    assert not neither.is_plausible
-    assert not neither.is_prior_rejected
-
-
-def test_along_a_corridor_another_odometry_decides_and_not_the_last_motion():
-    gated = gate(matched((0.3, 0.0, 0.05), **ALONG_X), EXPECTED, CONFIG, repeated=REPEATED)
-    assert gated.is_plausible
-    assert not gated.is_prior_rejected
-    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.1, 0.0, 0.05], atol=1e-3)
-    # unless it contradicts the match across the corridor, and the last motion does not
-    aside = UncertainPose(np.array([0.1, 0.4, 0.05]), EXPECTED.cov)
-    gated = gate(matched((0.3, 0.0, 0.05), **ALONG_X), aside, CONFIG, repeated=REPEATED)
-    assert gated.is_prior_rejected
-    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.5, 0.0, 0.05], atol=1e-3)
-
-
 def test_what_the_scans_say_without_a_guess_counts_where_it_is_expected():
     result = matched((0.1, 0.0, 0.05), **ALONG_X)
     seen = UncertainPose(np.array([0.14, 0.0, 0.05]), np.diag([0.001**2, 1e-6, 1e-7]))

@@ -87,7 +87,6 @@ def gate(
     expected: UncertainPose,
     recovery: Cov,
     config: MotionConfig,
-    repeated: UncertainPose | None = None,
     measured: UncertainPose | None = None,
 ) -> GatedMatch:
     """Return a match compared with what was expected.
@@ -104,12 +103,7 @@ def gate(
     if measured is not None and fuse(expected, measured)[1] <= config.motion_gate_chi2:
         found = measured
     fused, distance = fuse(expected, found)
-    is_plausible = distance <= config.motion_gate_chi2
-    if repeated is not None and (result.degenerate_direction is None or not is_plausible):
-        by_last, last_distance = fuse(repeated, found)
-        if last_distance <= config.motion_gate_chi2:
-            return GatedMatch(result, by_last, True, found, is_prior_rejected=not is_plausible, is_by_last_motion=True)
-    if is_plausible:
+    if distance <= config.motion_gate_chi2:
         return GatedMatch(result, fused, True, found)
     fused, leap = fuse(UncertainPose(expected.pose, expected.cov + recovery), found)
     return GatedMatch(result, fused, False, found, leap)
@@ -145,9 +139,9 @@ class Matching:
         is_sure = alone.is_fully_observed and alone.is_plausible
         if is_sure and not is_rejected:
             return alone
-        guided = self._gated(reference, current, expected, prediction.recovery, repeated)
+        guided = self._gated(reference, current, expected, prediction.recovery)
         if is_sure:
-            return guided if guided.is_plausible and not guided.is_prior_rejected else alone
+            return guided if guided.is_plausible else alone
         return alone if alone.is_better_than(guided, min_score) else guided
 
     def match_around(
@@ -161,14 +155,9 @@ class Matching:
         return gate(result, compose(origin, prediction.motion), prediction.recovery, motion)
 
     def _gated(
-        self,
-        reference: PreparedScan,
-        current: PreparedScan,
-        expected: UncertainPose,
-        recovery: Cov,
-        repeated: UncertainPose | None = None,
+        self, reference: PreparedScan, current: PreparedScan, expected: UncertainPose, recovery: Cov
     ) -> GatedMatch:
-        """Return a match made from what is expected, compared with that or, where given, the last motion repeated."""
+        """Return a match made from what is expected, compared with that."""
         motion = self.config.motion
         result = self.matcher.match(reference.features, current.features, expected)
         measured = None
@@ -180,7 +169,7 @@ class Matching:
                 is_own = not result.is_guess_decisive and _n_known(result.candidates[0]) == 3
                 own = result if is_own else self.matcher.match(reference.features, current.features, None)
                 measured = unguided_measurement(own)
-        return gate(result, expected, recovery, motion, repeated, measured)
+        return gate(result, expected, recovery, motion, measured)
 
     def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
         """Return a scan that others can be matched with, else None."""
