@@ -28,7 +28,7 @@ from scipy.optimize import minimize
 import curvescan as cs
 from curvescan import se2
 from curvescan.benchmarks.scenarios import SCENARIOS
-from curvescan.matchers.curvescan.assessment.confidence import COEFFICIENTS
+from curvescan.matchers.curvescan.assessment.confidence import COEFFICIENTS, terms_of
 from curvescan.matchers.curvescan.disambiguation import AssessedPose
 from curvescan.matchers.curvescan.pose_difference import is_along
 from curvescan.scan import LaserScan
@@ -245,7 +245,7 @@ class Table:
             weighed, support = assessed.weighed, assessed.support
             rows = [0, *support.rivals][: 1 + N_RIVALS]
             terms = np.full((1 + N_RIVALS, len(COEFFICIENTS)), np.nan)
-            terms[: len(rows)] = [list(weighed.terms(k).values()) for k in rows]
+            terms[: len(rows)] = terms_of(weighed.evidence, weighed.priors, weighed.wide_priors)[rows]
             terms[1:, PRIORS] = np.minimum(terms[1:, PRIORS], terms[0, PRIORS])  # to be expected more makes no rival
             self.names.append(name)
             self.terms.append(terms)

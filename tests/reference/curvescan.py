@@ -130,18 +130,18 @@ def turn_likeness(histogram_ref, histogram_cur):
     return np.array([np.roll(histogram_cur, shift) @ histogram_ref for shift in range(n)])
 
 
-def static_segments(surfels, bounds, partner, others, pose, limit, least):
-    """(m,) False on surfaces whose readings lie to one side of their partners' lines on the mean."""
-    is_static = np.ones(len(surfels), dtype=bool)
+def has_moved(surfels, bounds, partner, others, pose, inverse, least):
+    """(m,) True on surfaces whose readings lie to one side of their partners' lines on the mean."""
+    has_moved = np.zeros(len(surfels), dtype=bool)
     for start, stop in itertools.pairwise(bounds):
         rows = [i for i in range(start, stop) if partner[i] >= 0 and surfels[i, 7] > 0 and others[partner[i], 7] > 0]
         if len(rows) < 4:
             continue
-        distances = [residual(pose, surfels[i, :2], others[partner[i]], False) for i in rows]
+        distances = [residual(pose, surfels[i, :2], others[partner[i]], inverse) for i in rows]
         variances = [surfels[i, 7] + others[partner[i], 7] for i in rows]
         deviation = np.sqrt(np.sum(variances)) / len(rows)
-        is_static[start:stop] = abs(np.mean(distances)) <= max(limit * deviation, least)
-    return is_static
+        has_moved[start:stop] = abs(np.mean(distances)) > max(4.0 * deviation, least)
+    return has_moved
 
 
 def confidence_terms(evidence, prior, wide_prior):

@@ -23,7 +23,7 @@ from curvescan.matchers.curvescan.prior import Prior, log_odds
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, FINE, select
 from curvescan.matchers.curvescan.proposal.search import CONTESTED, Candidates, Problem
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine
-from curvescan.types import Bools, Codes, Floats, Pose
+from curvescan.types import Floats, Pose
 
 _N_TOP = 5  # poses that are judged beside one another, at most
 _FINE_STEP = 0.5 * SAME  # metres at the typical reading: steps in which the best place along a direction is looked for
@@ -94,10 +94,10 @@ def look_closer(problem: Problem, poses: Floats) -> tuple[WeighedPoses, Assessme
     schedules = np.array(config.refinement.closer, dtype=float), EXACTLY
     *found, known = refine_and_weigh(poses, ref, cur, prior, schedules, limits_of(config), _FINISH)
     best = WeighedPoses(*found).best_first()
-    if not len(known[0]):
+    if not len(known.codes_ref):
         return best, None
     is_known = best.poses[0].tolist() == found[0][0].tolist()  # np.array_equal takes ten times as long
-    return best, Assessment(*known) if is_known else assess_pose(ref, cur, best.poses[0], config)
+    return best, known if is_known else assess_pose(ref, cur, best.poses[0], config)
 
 
 @kernel
@@ -107,10 +107,10 @@ def refine_and_weigh(
     cur: CurvescanFeatures,
     prior: Prior,
     schedules: tuple[Floats, Floats],
-    rules: tuple[float, float, float, float],
+    rules: tuple[float, float],
     limits: tuple[float, float, int, int, float, int],
-) -> tuple[Floats, Floats, Floats, Floats, Floats, tuple[Codes, Codes, int, int, Floats, Floats, Floats, Bools]]:
-    """Return the fields of WeighedPoses, of poses refined on all readings, and of the Assessment of the first.
+) -> tuple[Floats, Floats, Floats, Floats, Floats, Assessment]:
+    """Return the fields of WeighedPoses, of poses refined on all readings, and the assessment of the first.
 
     That has no codes where no pose finds enough support. schedules: on the samples and on all readings; rules: of
     `limits_of`; limits: the arguments of `select`, and the samples on which several poses are compared. One has only to
@@ -129,7 +129,7 @@ def refine_and_weigh(
     priors, wide_priors = log_odds(final, prior)
     if is_hopeless(evidence, priors, wide_priors):
         nothing, no_codes = np.empty((0, 0)), compared[0][:0]
-        known = no_codes, no_codes, 0, 0, priors, nothing, priors, np.empty(0, dtype=np.bool_)
+        known = Assessment(no_codes, no_codes, 0, 0, priors, nothing, priors, np.empty(0, dtype=np.bool_))
     else:
         known = assess(ref, cur, final[0], compared, rules)
     return final, scores, evidence, priors, wide_priors, known

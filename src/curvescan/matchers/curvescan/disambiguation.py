@@ -27,7 +27,7 @@ from curvescan.matchers.curvescan.prior import log_odds
 from curvescan.matchers.curvescan.proposal.scoring import FINE, agreement_lost, select
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.matchers.curvescan.refinement import refine
-from curvescan.matchers.result import NO_COVARIANCE, NO_INFORMATION, NO_POSE, Candidate, Outcome
+from curvescan.matchers.result import NO_COVARIANCE, NO_INFORMATION, Candidate, Outcome
 from curvescan.types import Bools, Cov, Floats, Pose
 
 # (3, 3): the information on a pose, zero along what is open, and its covariance, wide there.
@@ -60,17 +60,6 @@ class AssessedPose(NamedTuple):
     is_flat: bool = False
     support: Support | None = None  # what speaks for the first and against it; None where too few readings agree
     known: Known = (NO_INFORMATION, NO_COVARIANCE)  # what the scans say of the first alone
-
-
-class Verdict(NamedTuple):
-    """What comes of a match."""
-
-    outcome: Outcome  # MATCHED, or why not
-    information: Cov  # (3, 3): of the scans alone, at the pose or at the best candidate
-    pose: Pose = NO_POSE  # (3,): of the current scan in the reference, if MATCHED, as are all below
-    covariance: Cov = NO_COVARIANCE  # (3, 3): of the pose
-    assessment: Assessment | None = None  # what the scans say of it
-    confidence: float = 0.0  # probability that the pose is right, within what its covariance says
 
 
 def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | None) -> AssessedPose:
@@ -136,32 +125,24 @@ def ties_of(support: Support, along: list[int], config: CurvescanConfig) -> list
     return ties
 
 
-def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
-    """Return the pose that stands alone, or why none does.
+def disambiguate(problem: Problem, assessed: AssessedPose) -> tuple[Outcome, float]:
+    """Return whether the pose stands alone, or why not, and how likely it is right within what its covariance says.
 
     A candidate along a degenerate direction does not compete: the covariance holds it.
     """
-    assessment, support, is_degenerate = (assessed.assessment, assessed.support, assessed.is_degenerate)
+    assessment, support = assessed.assessment, assessed.support
     ref, cur, _, config = problem
     least = config.scoring.min_confidence
-    if assessment is None or support is None or all(is_degenerate.tolist()):
-        return Verdict(Outcome.UNSUPPORTED, assessed.known[0])
+    if assessment is None or support is None or all(assessed.is_degenerate.tolist()):
+        return Outcome.UNSUPPORTED, 0.0
     accept, unsupported = support.probabilities(assessed.ties)
     is_alone = set(support.repeated) <= set(assessed.ties)
     if is_alone and accept < least and 1.0 - unsupported < least:
-        return Verdict(Outcome.UNSUPPORTED, assessed.known[0])
+        return Outcome.UNSUPPORTED, 0.0
     is_turned = assessed.weighed.may_be_turned or is_in_box(ref, cur, assessed.weighed, assessment)
     if not is_alone or accept < least or is_turned:
-        return Verdict(Outcome.AMBIGUOUS, assessed.known[0])
-    pose, assessment, (information, cov) = place(problem, assessed, assessment)
-    return Verdict(
-        outcome=Outcome.MATCHED,
-        pose=pose,
-        assessment=assessment,
-        information=information,
-        covariance=cov,
-        confidence=accept,
-    )
+        return Outcome.AMBIGUOUS, 0.0
+    return Outcome.MATCHED, accept
 
 
 def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPoses, assessment: Assessment) -> bool:
@@ -195,12 +176,15 @@ def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> t
     return pose, assessment, (information, cov)
 
 
-def competing_poses(problem: Problem, assessed: AssessedPose, verdict: Verdict) -> tuple[Candidate, ...]:
-    """Return the best pose and its competing hypotheses, the most likely first, each with what the scans say there."""
+def competing_poses(problem: Problem, assessed: AssessedPose, placed: Assessment | None) -> tuple[Candidate, ...]:
+    """Return the best pose and its competing hypotheses, the most likely first, each with what the scans say there.
+
+    placed: what they say of the best where it was placed, if it was.
+    """
     support, first = assessed.support, assessed.assessment
     if support is None or first is None:
         return ()
-    direction = (verdict.assessment or first).weakest
+    direction = (placed or first).weakest
     sigma = sigma_along(problem, assessed, first, direction) if assessed.is_degenerate[0] else None
     poses, rules = assessed.weighed.poses, problem.config.information
     known = assessed.known

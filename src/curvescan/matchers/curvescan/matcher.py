@@ -14,11 +14,11 @@ import numpy as np
 from curvescan.matchers.curvescan.assessment.labels import beam_labels
 from curvescan.matchers.curvescan.candidates import refine_candidates
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, competing_poses, disambiguate
+from curvescan.matchers.curvescan.disambiguation import AssessedPose, assess, competing_poses, disambiguate, place
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
 from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal.search import NOTHING, Candidates, Problem, at_prior, effort_of, searched
-from curvescan.matchers.result import MatchResult, Outcome
+from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 
@@ -69,32 +69,31 @@ class CurvescanMatcher:
 
 
 def judged(problem: Problem, candidates: Candidates) -> MatchResult:
-    """Return what comes of the candidates."""
+    """Return what comes of the candidates: the pose with its covariance and labels, or the outcome without one."""
     assessed = assess(problem, *refine_candidates(problem, candidates))
-    return report(problem, candidates, assessed, disambiguate(problem, assessed))
-
-
-def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict: Verdict) -> MatchResult:
-    """Return the result for users: the pose with its covariance and labels, or the outcome without one."""
-    ref, cur, assessment, support = problem.reference, problem.current, verdict.assessment, assessed.support
+    outcome, confidence = disambiguate(problem, assessed)
+    ref, cur, support = problem.reference, problem.current, assessed.support
+    assessment = assessed.assessment if outcome is Outcome.MATCHED else None
+    pose, information, cov = NO_POSE, assessed.known[0], NO_COVARIANCE
+    if assessment:
+        pose, assessment, (information, cov) = place(problem, assessed, assessment)
     codes = (assessment.codes_ref, assessment.codes_cur) if assessment else (_NO_CODES, _NO_CODES)
-    labels = beam_labels(ref.n_beams, ref.beam_idx, codes[0], cur.n_beams, cur.beam_idx, codes[1])
     scores: list[float] = assessed.weighed.scores.tolist() or [math.nan]
     return MatchResult(
         method="curvescan",
-        outcome=verdict.outcome,
-        pose=verdict.pose,
-        covariance=verdict.covariance,
+        outcome=outcome,
+        pose=pose,
+        covariance=cov,
         n_matched=assessment.n_inliers if assessment else 0,
-        trace=CurvescanTrace(reference=ref, current=cur, candidates=found, assessed=assessed),
-        labels_reference=labels[: ref.n_beams],
-        labels_current=labels[ref.n_beams :],
+        trace=CurvescanTrace(reference=ref, current=cur, candidates=candidates, assessed=assessed),
+        labels_reference=beam_labels(ref.n_beams, ref.beam_idx, codes[0]),
+        labels_current=beam_labels(cur.n_beams, cur.beam_idx, codes[1]),
         degenerate_direction=assessment.weakest if assessment and any(assessed.is_degenerate.tolist()) else None,
         score=scores[0],
         runner_up=max(scores[1:], default=math.nan),
-        confidence=verdict.confidence,
-        candidates=competing_poses(problem, assessed, verdict),
-        information=verdict.information,
+        confidence=confidence,
+        candidates=competing_poses(problem, assessed, assessment),
+        information=information,
         # the scans alone leave several poses
         is_guess_decisive=bool(assessment and support and problem.prior.is_told and support.is_by_prior),
     )

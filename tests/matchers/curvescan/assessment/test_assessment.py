@@ -1,4 +1,4 @@
-"""Assessment of one pose: both ways, without what moved, and which directions are open."""
+"""Assessment of one pose: both ways, without what moved, which directions are open, and what supports it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ import pytest
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import (
     Assessment,
+    Support,
     assess_pose,
     degenerate_directions,
-    remove_dynamic,
     without_dynamic,
 )
-from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, OCCLUDED
+from curvescan.matchers.curvescan.assessment.assessment import regular_rows as rows_of
+from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
+from curvescan.matchers.curvescan.assessment.evidence import N_EVIDENCE
+from curvescan.matchers.curvescan.assessment.labels import INLIER, MOVED
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.surfels import X
 from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, hall_scan, pair
@@ -51,15 +54,6 @@ def test_a_pose_is_assessed_from_both_scans():
         np.testing.assert_array_equal(codes, compare_readings(surfels, other, pose, margin)[0])
     assert found.n_inliers == np.count_nonzero(found.codes_cur == INLIER) > 150
     assert found.n_dynamic == 0
-
-
-def test_readings_of_surfaces_that_moved_lose_their_partners():
-    codes = np.array([INLIER, INLIER, OCCLUDED, INLIER, OCCLUDED], dtype=np.uint8)
-    partner = np.array([0, 4, -1, 7, -1])
-    is_static = np.array([True, True, True, False, False])
-    assert remove_dynamic(codes, partner, is_static) == 2  # the first reading is a partner, too
-    assert codes.tolist() == [INLIER, INLIER, OCCLUDED, MOVED + DYNAMIC, MOVED + OCCLUDED]
-    assert partner.tolist() == [0, 4, -1, -1, -1]
 
 
 @pytest.mark.parametrize(
@@ -125,9 +119,6 @@ def test_what_moved_is_left_out_of_the_pose():
     ref, cur = pair()
     poses = np.array([MOTION + np.array([0.005, -0.005, 0.0]), MOTION + 0.5])
     found = assess_pose(ref, cur, MOTION, CONFIG)
-    same, unchanged = without_dynamic(ref, cur, poses, found, CONFIG)
-    assert same is poses
-    assert unchanged is found
     # the wall ahead, of both scans, is said to have moved: what is left does not fix x as well
     in_front = {
         name: np.where(features_of.image.surfels[:, X] < 2.0, codes, MOVED + codes)
@@ -142,3 +133,29 @@ def test_what_moved_is_left_out_of_the_pose():
         if not changed:
             whole = refined[0]
     assert np.abs(refined[0] - whole).max() > 1e-6
+
+
+def regular_rows(poses, shares):
+    n = len(poses)
+    return rows_of(WeighedPoses(poses, np.zeros(n), np.zeros((n, N_EVIDENCE)), np.zeros(n), np.zeros(n)), shares)
+
+
+def test_two_poses_to_either_side_make_a_row_of_equal_things():
+    shares = {1: 0.4, 2: 0.4}
+    row = np.array([[0.1, 0.2, 0.3], [1.3, 0.2, 0.3], [-1.0, 0.2, 0.3]])
+    assert regular_rows(row, shares) == (1, 2)
+    for k, change in ((2, [0.5, 0.0, 0.0]), (2, [0.0, 0.5, 0.0]), (1, [0.0, 0.0, 0.2])):
+        other = row.copy()
+        other[k] += change
+        assert regular_rows(other, shares) == ()
+    assert regular_rows(row * [0.3, 1.0, 1.0], shares) == ()  # too near to be another thing
+    assert regular_rows(row, {1: 0.4, 2: 0.2}) == ()
+
+
+def test_probabilities_are_shares_of_all_odds():
+    support = Support(log_odds=1.0, rivals={1: 0.0, 2: -1.0}, repeated=[])
+    accept, unsupported = support.probabilities()
+    assert unsupported == pytest.approx(accept * np.exp(-1.0))
+    assert 1.0 - accept - unsupported == pytest.approx(accept * (np.exp(0.0) + np.exp(-1.0)))
+    held, unsupported = support.probabilities([1, 2])
+    assert held == pytest.approx(1.0 - unsupported)

@@ -51,6 +51,11 @@ def poses(*evidences, priors=None):
     )
 
 
+def terms(weighed):
+    """What the model weighs of the first pose, by the names of its coefficients."""
+    return dict(zip(COEFFICIENTS, terms_of(weighed.evidence, weighed.priors, weighed.wide_priors)[0], strict=True))
+
+
 def test_what_is_weighed_is_that_of_the_slow_twin():
     rng = np.random.default_rng(5)
     evidence = rng.gamma(0.5, 2.0, (40, N_EVIDENCE)) - 0.02  # some a little below 0, by rounding say
@@ -77,7 +82,7 @@ def test_a_prior_speaks_for_a_pose():
         return support_of(poses(GOOD, **kwargs), []).probabilities()[0]
 
     assert confidence(priors=[-3.0]) < confidence() < confidence(priors=[2.0])
-    assert set(poses(GOOD).terms(0)) == set(COEFFICIENTS)
+    assert set(terms(poses(GOOD))) == set(COEFFICIENTS)
 
 
 def test_the_log_odds_are_those_of_the_model():
@@ -93,16 +98,16 @@ def test_the_log_odds_are_those_of_the_model():
         "prior": -1.5,
         "few_prior": -0.75,  # of 2 m that are enough there are 0.9, and the 0.1 added to all
     }
-    assert found.terms(0) == pytest.approx(expected, abs=1e-12)
+    assert terms(found) == pytest.approx(expected, abs=1e-12)
     total = sum(COEFFICIENTS[name] * value for name, value in expected.items())
     assert found.log_odds(0) == pytest.approx(total)
     # three tenths of what the prior weighs are left where poses are compared
     assert found.rank(0) == pytest.approx(total + 0.7 * (1.5 + 0.75 * COEFFICIENTS["few_prior"]))
-    told = poses(evidence, priors=[2.0]).terms(0)
+    told = terms(poses(evidence, priors=[2.0]))
     assert told["prior"] == 2.0
     assert told["few_prior"] == 0.0  # few walls are none the better for being expected
-    assert poses({**evidence, EXCESS: 3.0}, priors=[-4.0]).terms(0)["few_prior"] == 0.0
-    nothing = poses({}, priors=[-4.0]).terms(0)
+    assert terms(poses({**evidence, EXCESS: 3.0}, priors=[-4.0]))["few_prior"] == 0.0
+    nothing = terms(poses({}, priors=[-4.0]))
     assert nothing["log10_seen_through"] == pytest.approx(-1.0)
     assert nothing["few_prior"] == pytest.approx(-4.0 * 0.95)
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, OCCLUDED, agreeing_limits, static_segments
+from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, OCCLUDED, agreeing_limits, mark_moved
+from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.features.range_image import reading_at
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, RANGE, VARIANCE, X, Y
 from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, pair, pillar_scan
@@ -59,16 +60,33 @@ def test_someone_who_walked_in_is_seen_as_moved():
     assert (codes[behind] != DYNAMIC).all()
 
 
+@pytest.mark.parametrize("way", [FORWARD, BACKWARD])
 @pytest.mark.parametrize("seed", range(3))
-def test_surfaces_at_rest_are_those_of_the_slow_twin(seed):
+def test_surfaces_that_moved_are_those_of_the_slow_twin(seed, way):
     ref, cur = pair(seed)
     pose = MOTION + np.array([0.004, 0.0, 0.0])  # half a wall seems to have moved
-    _, partner = compare_readings(cur.image.surfels, ref, pose, 0.01)
+    one, other = (cur, ref) if way == FORWARD else (ref, cur)
+    codes, partner = compare_readings(one.image.surfels, other, pose if way == FORWARD else cs.se2.inverse(pose), 0.01)
     for least in (0.0, 0.003, 0.01):
-        arguments = (cur.image.surfels, cur.bounds, partner, ref.image.surfels, pose, 4.0, least)
-        is_static, n_dynamic = static_segments(*arguments)
-        np.testing.assert_array_equal(is_static, slow.static_segments(*arguments))
-        assert n_dynamic == sum(not is_static[a] for a, b in itertools.pairwise(cur.bounds))
+        surfels, seen, left = one.image.surfels, codes.copy(), partner.copy()
+        expected = slow.has_moved(surfels, one.bounds, partner, other.image.surfels, pose, way == BACKWARD, least)
+        n_moved = mark_moved(surfels, one.bounds, seen, left, other.image.surfels, pose, way, least)
+        np.testing.assert_array_equal(seen >= MOVED, expected)
+        np.testing.assert_array_equal(left, np.where(expected, -1, partner))
+        assert n_moved == sum(expected[a] for a, b in itertools.pairwise(one.bounds))
+
+
+def test_readings_of_surfaces_that_moved_are_dynamic_or_what_they_were():
+    surfels = wall().image.surfels[150:160].copy()
+    codes = np.array(
+        [INLIER, INLIER, OCCLUDED, INLIER, INLIER, DYNAMIC, INLIER, OCCLUDED, INLIER, INLIER], dtype=np.uint8
+    )
+    partner = np.where(codes == INLIER, np.arange(10), -1)
+    pose = np.array([0.5, 0.0, 0.0])
+    assert mark_moved(surfels, np.array([0, 7, 10]), codes, partner, surfels, pose, FORWARD, 0.01) == 1
+    moved = [MOVED + (DYNAMIC if code == INLIER else code) for code in (INLIER, INLIER, OCCLUDED, INLIER, INLIER)]
+    assert codes.tolist() == [*moved, MOVED + DYNAMIC, MOVED + DYNAMIC, OCCLUDED, INLIER, INLIER]
+    assert partner.tolist() == [-1, -1, -1, -1, -1, -1, -1, -1, 8, 9]  # the second has too few partners
 
 
 def test_a_box_that_was_pushed_a_little_is_found_by_all_its_readings_together():
@@ -164,24 +182,27 @@ def test_what_lies_beside_its_line_along_it_is_not_of_the_surface():
 
 @pytest.mark.parametrize(("n", "has_moved"), [(3, False), (4, True), (5, True)])
 @pytest.mark.parametrize(
-    ("shift", "limit", "least", "is_far"),
-    [(0.05, 4.0, 0.01, True), (0.05, 4.0, 0.06, False), (0.05, 40.0, 0.01, False), (-0.05, 4.0, 0.01, True)],
+    ("shift", "sigma", "least", "is_far"),
+    [(0.05, 0.005, 0.01, True), (0.05, 0.005, 0.06, False), (0.05, 0.05, 0.01, False), (-0.05, 0.005, 0.01, True)],
 )
-def test_a_surface_has_moved_by_the_mean_of_four_readings(n, has_moved, shift, limit, least, is_far):
+def test_a_surface_has_moved_by_the_mean_of_four_readings(n, has_moved, shift, sigma, least, is_far):
     surfels = wall().image.surfels[150:160].copy()
-    surfels[:, VARIANCE] = 0.005**2
+    surfels[:, VARIANCE] = sigma**2
     surfels[:, [CX, CY]] = surfels[:, [X, Y]]
     surfels[:, [NX, NY]] = -1.0, 0.0
     partner = np.arange(10)
     partner[n:] = -1
     pose = np.array([shift, 0.0, 0.0])
     bounds = np.array([0, 10])
+
+    def n_moved(one, other):
+        codes = np.full(10, INLIER, dtype=np.uint8)
+        return mark_moved(one, bounds, codes, partner.copy(), other, pose, FORWARD, least)
+
     # the mean of n errs by 7 mm over the root of n: 5 cm are 14 standard deviations of four readings
-    found = static_segments(surfels, bounds, partner, surfels, pose, limit, least)
-    assert found[1] == (has_moved and is_far)
-    assert (found[0] == (not (has_moved and is_far))).all()
+    assert n_moved(surfels, surfels) == (has_moved and is_far)
     # a partner without a line does not count
     blind = surfels.copy()
     blind[0, VARIANCE] = -1.0
     for one, other in ((surfels, blind), (blind, surfels)):
-        assert static_segments(one, bounds, partner, other, pose, limit, least)[1] == (n > 4 and is_far)
+        assert n_moved(one, other) == (n > 4 and is_far)

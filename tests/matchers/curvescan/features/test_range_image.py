@@ -1,4 +1,4 @@
-"""The polar view: from a point to the reading in its direction."""
+"""The range image: from a point to the reading in its direction, and samples spread over the surfaces."""
 
 from __future__ import annotations
 
@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.features.range_image import azimuth_table, bearing, reading_at, uneven_azimuth_table
-from tests.matchers.curvescan.scenes import features
+from curvescan.matchers.curvescan.features.range_image import (
+    azimuth_table,
+    bearing,
+    choose_samples,
+    reading_at,
+    uneven_azimuth_table,
+)
+from tests.matchers.curvescan.scenes import features, pillar_scan
 from tests.reference import curvescan as slow
 
 
@@ -119,3 +125,35 @@ def test_a_hole_between_uneven_beams_is_out_of_view():
     for bearing_deg, expected in [(0.2, 0), (2.0, 2), (4.0, 3), (30.0, -2), (59.0, 4), (63.0, 6)]:
         assert table[round(math.radians(bearing_deg) * density)] == expected
     assert table[-1] == -2
+
+
+def test_probes_are_spread_over_the_lengths_of_the_surfaces():
+    one = features(pillar_scan(sigma=0.0))
+    surfels = one.image.surfels
+    step = 1.0 / one.image.azimuth[1]
+    samples = choose_samples(surfels, 200)
+    assert samples.shape == (200, 11)
+    facing = np.abs(np.sum(surfels[:, :2] * surfels[:, 5:7], axis=1)) / surfels[:, 2]
+    length = np.clip(surfels[:, 2] * step / np.maximum(facing, 0.1), 0.03, 0.3)
+    is_right = surfels[:, 1] < 0
+    share = length[is_right].sum() / length.sum()
+    assert abs(np.mean(samples[:, 1] < 0) - share) < 0.02
+    # each is a surfel of the scan
+    distance = np.abs(samples[:, None, :2] - surfels[None, :, :2]).sum(axis=2).min(axis=1)
+    assert distance.max() == 0.0
+
+
+def test_the_first_probes_are_spread_like_all():
+    samples = features(pillar_scan(sigma=0.0)).image.samples
+    bearing = np.arctan2(samples[:, 1], samples[:, 0])
+    for n in (6, 12, 24):
+        edges = np.quantile(bearing, [1 / 3, 2 / 3])
+        thirds = np.bincount(np.digitize(bearing[:n], edges), minlength=3)
+        assert thirds.min() >= n // 6
+
+
+def test_surfaces_without_lines_have_no_probes():
+    surfels = np.zeros((5, 11))
+    surfels[:, 2], surfels[:, 7] = 1.0, -1.0
+    for one in (surfels, surfels[:0]):
+        assert choose_samples(one, 12).shape == (0, 11)

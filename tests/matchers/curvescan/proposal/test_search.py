@@ -12,7 +12,7 @@ from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.matcher import CurvescanMatcher
 from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal import search as rules
-from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, at_prior, effort_of, searched
+from curvescan.matchers.curvescan.proposal.search import NOTHING, Problem, at_prior, effort_of, searched
 from curvescan.matchers.result import Outcome, prior_of
 from tests.matchers.curvescan.scenes import MOTION, features, hall_scan, pair
 
@@ -24,12 +24,7 @@ def prior_at(guess):
 
 
 def search(ref, cur, prior, config, **effort):
-    images, landmarks, no_guess = (
-        (ref.image, cur.image),
-        (ref.landmarks, cur.landmarks),
-        (np.empty((0, 3)), np.empty(0)),
-    )
-    return Candidates(*rules.search(*images, *landmarks, prior.pose, *no_guess, effort_of(config)._replace(**effort)))
+    return searched(Problem(ref, cur, prior, config), NOTHING, effort_of(config)._replace(**effort))
 
 
 def off(pose):
@@ -71,8 +66,7 @@ def test_where_nothing_agrees_turns_beside_the_likeliest_are_tried():
     np.testing.assert_allclose(turned[:, 2] - off_by, [-0.2, -0.1, 0.1, 0.2])
     wrong = np.roll(cur.landmarks.directions, 2)  # of 3 degrees
     marks = cur.landmarks._replace(directions=wrong)
-    none = np.empty((0, 3)), np.empty(0)
-    found = rules.search(ref.image, cur.image, ref.landmarks, marks, WIDE.pose, *none, effort_of(CONFIG))
+    found = rules.search(ref.image, cur.image, ref.landmarks, marks, WIDE.pose, effort_of(CONFIG))
     assert off(found[0][0]) < 0.01
 
 

@@ -9,15 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan._jit import inlined, kernel
+from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.confidence import MAX_REPETITION, REGULAR, WeighedPoses
 from curvescan.matchers.curvescan.assessment.evidence import Compared, gather_evidence
 from curvescan.matchers.curvescan.assessment.information import matrices, pose_information
-from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, static_segments
+from curvescan.matchers.curvescan.assessment.labels import MOVED, mark_moved
+from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.config import (
     AS_GOOD,
     LASER_ERROR,
-    LIKELY_SIGMAS,
     NEAR,
     CurvescanConfig,
     InformationConfig,
@@ -26,7 +26,7 @@ from curvescan.matchers.curvescan.config import (
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.proposal.scoring import FINE, select
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine
-from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
+from curvescan.types import Bools, Codes, Cov, Floats, Pose
 
 # How far along a weak direction the scans are compared, in what it is known to where it just counts as known.
 DOUBLED: Floats = np.array([1.0, 2.0, 4])
@@ -122,26 +122,12 @@ def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, conf
     """Return what the scans say of a pose of the current scan in the reference."""
     limits = limits_of(config)
     _, compared = gather_evidence(ref, cur, pose[np.newaxis], limits[0])
-    return Assessment(*assess(ref, cur, pose, compared, limits))
+    return assess(ref, cur, pose, compared, limits)
 
 
-def limits_of(config: CurvescanConfig) -> tuple[float, float, float, float]:
-    """Return the margin of readings, sigmas and metres by which a surface has moved, and the least information."""
-    margin = config.scoring.margin
-    return margin, 2.0 * LIKELY_SIGMAS, margin, config.information.max_sigma**-2
-
-
-@inlined
-def remove_dynamic(codes: Codes, partner: Ints, is_static: Bools) -> int:
-    """Mark readings of surfaces that moved away, and take their partners, in place; return how many have one left."""
-    n_left = 0
-    for i in range(codes.size):
-        if not is_static[i]:
-            codes[i] = MOVED + (DYNAMIC if codes[i] == INLIER else codes[i])
-            partner[i] = -1
-        elif partner[i] >= 0:
-            n_left += 1
-    return n_left
+def limits_of(config: CurvescanConfig) -> tuple[float, float]:
+    """Return the margin of readings and of surfaces that did not move, metres, and the least information."""
+    return config.scoring.margin, config.information.max_sigma**-2
 
 
 @kernel
@@ -150,29 +136,24 @@ def assess(
     scan_cur: CurvescanFeatures,
     pose: Floats,
     compared: Compared,
-    limits: tuple[float, float, float, float],
-) -> tuple[Codes, Codes, int, int, Floats, Floats, Floats, Bools]:
-    """Return the fields of an Assessment, in their order, of readings that were compared, whose arrays change."""
-    _, limit, least, least_information = limits
-    ref, cur = scan_ref.image, scan_cur.image
+    limits: tuple[float, float],
+) -> Assessment:
+    """Return what readings say that were compared at a pose; their arrays change."""
+    margin, least = limits
+    ref, cur = scan_ref.image.surfels, scan_cur.image.surfels
     codes_ref, partner_ref, codes_cur, partner_cur = compared
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
-    is_static_cur, n_dynamic_cur = static_segments(
-        cur.surfels, scan_cur.bounds, partner_cur, ref.surfels, pose, limit, least
-    )
-    is_static_ref, n_dynamic_ref = static_segments(
-        ref.surfels, scan_ref.bounds, partner_ref, cur.surfels, back, limit, least
-    )
-    n_inliers = remove_dynamic(codes_cur, partner_cur, is_static_cur)
-    remove_dynamic(codes_ref, partner_ref, is_static_ref)
+    n_dynamic = mark_moved(cur, scan_cur.bounds, codes_cur, partner_cur, ref, pose, FORWARD, margin)
+    n_dynamic += mark_moved(ref, scan_ref.bounds, codes_ref, partner_ref, cur, pose, BACKWARD, margin)
+    n_inliers = 0
+    for j in partner_cur:
+        n_inliers += j >= 0
     information, spurious, axes, units = pose_information(
-        ref.surfels, scan_ref.objects, partner_ref, cur.surfels, scan_cur.objects, partner_cur, pose, least_information
+        ref, scan_ref.objects, partner_ref, cur, scan_cur.objects, partner_cur, pose, least
     )
     is_open = np.empty(3, dtype=np.bool_)
     for k in range(3):
-        is_open[k] = information[k] < max(2.0 * spurious[k], least_information)
-    return codes_ref, codes_cur, n_inliers, n_dynamic_cur + n_dynamic_ref, information, axes, units, is_open
+        is_open[k] = information[k] < max(2.0 * spurious[k], least)
+    return Assessment(codes_ref, codes_cur, n_inliers, n_dynamic, information, axes, units, is_open)
 
 
 def degenerate_directions(
@@ -195,8 +176,6 @@ def without_dynamic(
     ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, assessment: Assessment, config: CurvescanConfig
 ) -> tuple[Floats, Assessment]:
     """Return the poses, the first refined without the surfaces that moved, and its assessment."""
-    if not assessment.n_dynamic:
-        return poses, assessment
     static_ref = ref.image._replace(samples=ref.image.surfels[assessment.codes_ref < MOVED])
     static_cur = cur.image._replace(samples=cur.image.surfels[assessment.codes_cur < MOVED])
     pose = refine(poses[:1], static_ref, static_cur, EXACTLY)

@@ -10,7 +10,6 @@ that explains as much as the best makes the match ambiguous. The model and its f
 from __future__ import annotations
 
 import math
-import operator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -104,36 +103,27 @@ class WeighedPoses:
         return rows
 
     @cached_property
-    def _terms(self) -> list[list[float]]:
-        """What the model weighs of each pose, in the order of COEFFICIENTS."""
-        rows: list[list[float]] = terms_of(self.evidence, self.priors, self.wide_priors).tolist()
+    def _odds(self) -> list[list[float]]:
+        """Log odds of each pose, and what the prior weighs in them."""
+        rows: list[list[float]] = log_odds_of(self.evidence, self.priors, self.wide_priors).tolist()
         return rows
-
-    def terms(self, k: int) -> dict[str, float]:
-        """Return what the model weighs of one pose, by the names of its coefficients."""
-        return dict(zip(COEFFICIENTS, self._terms[k], strict=True))
 
     def log_odds(self, k: int) -> float:
         """Return the log odds that one pose is right and the scans have not nothing in common."""
-        return self._odds[k]
-
-    @cached_property
-    def _odds(self) -> list[float]:
-        return [sum(map(operator.mul, _WEIGHTS, terms)) for terms in self._terms]
+        return self._odds[k][0]
 
     def rank(self, k: int) -> float:
         """Return what poses are compared by: the log odds, in which the prior counts for little."""
-        return self._odds[k] - (1.0 - _PRIOR_OF_TWO) * self._by_prior(k)
+        log_odds, by_prior = self._odds[k]
+        return log_odds - (1.0 - _PRIOR_OF_TWO) * by_prior
 
-    def _by_prior(self, k: int) -> float:
-        """Return what the prior weighs in the log odds of a pose."""
-        terms = self._terms[k]
-        return _WEIGHTS[_PRIOR] * terms[_PRIOR] + _WEIGHTS[_FEW_PRIOR] * terms[_FEW_PRIOR]
+    def expected_more(self, k: int) -> float:
+        """Return by how much more the prior weighs in the log odds of pose k than in those of the first."""
+        return self._odds[k][1] - self._odds[0][1]
 
     def rival_log_odds(self, k: int) -> float:
         """Return the log odds that pose k is right and not the first; to be expected more alone makes no rival."""
-        expected_more = max(self._by_prior(k) - self._by_prior(0), 0.0)
-        return self._odds[k] - self._odds[0] - expected_more
+        return self.log_odds(k) - self.log_odds(0) - max(self.expected_more(k), 0.0)
 
     def is_told(self, k: int) -> bool:
         """Return whether the prior itself says that the scan is at pose k."""
@@ -214,7 +204,7 @@ class WeighedPoses:
 
     def fading(self, k: int) -> float:
         """Return the share that is left of a rival by how much less the prior has it than the first."""
-        return math.exp(min(_PRIOR_OF_TWO * (self._by_prior(k) - self._by_prior(0)), 0.0))
+        return math.exp(min(_PRIOR_OF_TWO * self.expected_more(k), 0.0))
 
 
 @kernel
@@ -235,13 +225,17 @@ def terms_of(evidence: Floats, priors: Floats, wide_priors: Floats) -> Floats:
 
 
 @kernel
+def log_odds_of(evidence: Floats, priors: Floats, wide_priors: Floats) -> Floats:
+    """Return (k, 2) log odds of each pose against there being nothing in common, and what the prior weighs in them."""
+    terms, found = terms_of(evidence, priors, wide_priors), np.zeros((priors.size, 2))
+    for k in range(priors.size):
+        for i in range(_N_TERMS):
+            found[k, 0] += _WEIGHTS[i] * terms[k, i]
+        found[k, 1] = _WEIGHTS[_PRIOR] * terms[k, _PRIOR] + _WEIGHTS[_FEW_PRIOR] * terms[k, _FEW_PRIOR]
+    return found
+
+
+@kernel
 def is_hopeless(evidence: Floats, priors: Floats, wide_priors: Floats) -> bool:
     """Return whether no pose comes near the confidence of a match: neither search along walls nor refinement helps."""
-    terms = terms_of(evidence, priors, wide_priors)
-    for k in range(priors.size):
-        log_odds = 0.0
-        for i in range(_N_TERMS):
-            log_odds += _WEIGHTS[i] * terms[k, i]
-        if log_odds >= _HOPELESS:
-            return False
-    return True
+    return not np.any(log_odds_of(evidence, priors, wide_priors)[:, 0] >= _HOPELESS)

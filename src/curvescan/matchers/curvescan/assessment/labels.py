@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from curvescan._jit import inlined, kernel
-from curvescan.matchers.curvescan.association import FORWARD, distances, motion_of, projected
-from curvescan.matchers.curvescan.config import REACH, SURE_SIGMAS
+from curvescan.matchers.curvescan.association import distances, motion_of, projected
+from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, REACH, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.surfels import RANGE, VARIANCE
 from curvescan.matchers.result import Label
-from curvescan.types import Bools, Codes, Floats, Ints
+from curvescan.types import Codes, Floats, Ints
 
 # Out of the other scan's sight; where the other scan saw the same surface; where the other scan saw through; what is
 # added where all of a surface moved.
@@ -23,6 +23,7 @@ _LABELS = (int(Label.NEW), int(Label.MATCHED), int(Label.DYNAMIC))  # of each co
 _UNMATCHED = int(Label.UNMATCHED)
 
 _MIN_PARTNERS = 4  # readings of a segment from which on its mean says whether it moved
+_MOVED2 = (2.0 * LIKELY_SIGMAS) ** 2  # square of the standard deviations beyond which that mean has
 
 
 @inlined
@@ -36,30 +37,34 @@ def agreeing_limits(surfels: Floats, i: int, surfels_other: Floats, j: int, marg
 
 
 @kernel
-def beam_labels(n_ref: int, idx_ref: Ints, codes_ref: Codes, n_cur: int, idx_cur: Ints, codes_cur: Codes) -> Codes:
-    """Return (n_ref + n_cur,) a Label for each beam of two scans, of the codes of their readings, if there are any."""
-    labels = np.zeros(n_ref + n_cur, dtype=np.uint8)
-    for i in range(idx_ref.size):
-        labels[idx_ref[i]] = _LABELS[codes_ref[i] % MOVED] if codes_ref.size else _UNMATCHED
-    for i in range(idx_cur.size):
-        labels[n_ref + idx_cur[i]] = _LABELS[codes_cur[i] % MOVED] if codes_cur.size else _UNMATCHED
+def beam_labels(n_beams: int, beam_idx: Ints, codes: Codes) -> Codes:
+    """Return (n_beams,) a Label for each beam of a scan, of the codes of its readings, if there are any."""
+    labels = np.zeros(n_beams, dtype=np.uint8)
+    for i in range(beam_idx.size):
+        labels[beam_idx[i]] = _LABELS[codes[i] % MOVED] if codes.size else _UNMATCHED
     return labels
 
 
 @kernel
-def static_segments(
-    surfels: Floats, bounds: Ints, partner: Ints, surfels_other: Floats, pose: Floats, limit: float, least: float
-) -> tuple[Bools, int]:
-    """Return which readings are of surfaces that did not move as a whole, and how many surfaces did.
+def mark_moved(
+    surfels: Floats,
+    bounds: Ints,
+    codes: Codes,
+    partner: Ints,
+    surfels_other: Floats,
+    pose: Floats,
+    way: float,
+    least: float,
+) -> int:
+    """Mark readings of surfaces that moved as a whole, and take their partners, in place; return how many did.
 
     A leg that took a small step agrees reading by reading, and yet lies to one side with all of them: a surface has
-    moved when the mean distance of its readings from their partners' lines exceeds `limit` standard deviations of
-    that mean, and `least` metres: lasers have errors that the readings of a wall share. One with fewer than four
-    partners has not. partner (m,): reading of the other scan, -1 for none; pose: of the readings' scan in the other.
+    moved when the mean distance of its readings from their partners' lines exceeds four standard deviations of that
+    mean, and `least` metres: lasers have errors that the readings of a wall share. One with fewer than four partners
+    has not. partner (m,): reading of the other scan, -1 for none.
     """
-    is_static = np.empty(surfels.shape[0], dtype=np.bool_)
-    n_dynamic = 0
-    motion = motion_of(pose, FORWARD)
+    n_moved = 0
+    motion = motion_of(pose, way)
     for k in range(bounds.size - 1):
         total, variance, n = 0.0, 0.0, 0
         for i in range(bounds[k], bounds[k + 1]):
@@ -70,8 +75,10 @@ def static_segments(
             total += distances(x, y, surfels_other, j)[0]
             variance += surfels[i, VARIANCE] + surfels_other[j, VARIANCE]
             n += 1
-        has_moved = n >= _MIN_PARTNERS and total * total > max(limit * limit * variance, (least * n) ** 2)
-        n_dynamic += has_moved
+        if n < _MIN_PARTNERS or total * total <= max(_MOVED2 * variance, (least * n) ** 2):
+            continue
+        n_moved += 1
         for i in range(bounds[k], bounds[k + 1]):
-            is_static[i] = not has_moved
-    return is_static, n_dynamic
+            codes[i] = MOVED + (DYNAMIC if codes[i] == INLIER else codes[i])
+            partner[i] = -1
+    return n_moved

@@ -89,7 +89,13 @@ def at_prior(problem: Problem, effort: Effort) -> tuple[Candidates, bool]:
 def searched(problem: Problem, near: Candidates, effort: Effort) -> Candidates:
     """Return what a search finds, and the pose of the prior, where the search has none beside it."""
     ref, cur, prior, _ = problem
-    return Candidates(*search(ref.image, cur.image, ref.landmarks, cur.landmarks, prior.pose, *near[:2], effort))
+    poses, scores, n_tried = search(ref.image, cur.image, ref.landmarks, cur.landmarks, prior.pose, effort)
+    is_likely = scores > _LEAST_SCORE
+    poses, scores = poses[is_likely], scores[is_likely]
+    if len(near.poses) and not any(distance(near.poses[0], pose) < SAME for pose in poses):
+        poses, scores = np.concatenate((poses, near.poses)), np.concatenate((scores, near.scores))
+        n_tried += len(near.scores)
+    return Candidates(poses, scores, n_tried)
 
 
 @kernel
@@ -108,16 +114,9 @@ def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort)
 
 @kernel
 def search(
-    ref: RangeImage,
-    cur: RangeImage,
-    marks_ref: Landmarks,
-    marks_cur: Landmarks,
-    expected: Pose,
-    near: Floats,
-    near_scores: Floats,
-    effort: Effort,
+    ref: RangeImage, cur: RangeImage, marks_ref: Landmarks, marks_cur: Landmarks, expected: Pose, effort: Effort
 ) -> tuple[Floats, Floats, int]:
-    """Return the fields of Candidates: the best poses that landmarks and the one expected propose, and the `near` one.
+    """Return the best poses that landmarks and the one expected propose, their scores, and how many were verified.
 
     Where they find little support, or the best has a turn that was not tried, walls are laid on each other once more,
     with its turn: among round things the turns of the directions are too far off.
@@ -132,17 +131,7 @@ def search(
         tried = translation_hypotheses(turned, ref, cur, marks_ref, marks_cur, effort.max_tried // 2)
         poses, scores = explore(stack(poses, tried), ref, cur, effort)
         n_tried += tried.shape[0]
-    n_likely = scores.size - scores.size  # 0 that is no constant
-    while n_likely < scores.size and scores[n_likely] > _LEAST_SCORE:
-        n_likely += 1
-    poses, scores = poses[:n_likely], scores[:n_likely]
-    for k in range(scores.size):
-        if near_scores.size == 0 or distance(near[0], poses[k]) < SAME:
-            return poses, scores, n_tried
-    with_near = np.empty(scores.size + near_scores.size)
-    for k in range(with_near.size):
-        with_near[k] = scores[k] if k < scores.size else near_scores[k - scores.size]
-    return stack(poses, near), with_near, n_tried + near_scores.size
+    return poses, scores, n_tried
 
 
 @inlined
