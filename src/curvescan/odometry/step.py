@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
@@ -133,9 +132,8 @@ class Step:
 def between_steps(origin: Step, step: Step) -> UncertainPose:
     """Return the pose of a step in the frame of an earlier one, with what was added to the covariance since."""
     found = between(UncertainPose(origin.pose, origin.covariance), UncertainPose(step.pose, step.covariance))
-    with suppress(np.linalg.LinAlgError):
-        np.linalg.cholesky(found.cov)
+    values, vectors = np.linalg.eigh(found.cov)
+    if values[0] > 0.0:
         return found
     # the two hang on one keyframe, or a stretch was settled since: the poses then differ by what was put right
-    values, vectors = np.linalg.eigh(found.cov)
     return UncertainPose(found.pose, (vectors * np.abs(values)) @ vectors.T)

@@ -50,7 +50,8 @@ def test_scans_without_lines_have_an_even_histogram():
 
 
 def proposed(ref, cur, poses, n_most=48):
-    return translation_hypotheses(np.array(poses), ref.image, cur.image, ref.landmarks, cur.landmarks, n_most)
+    none, turned = np.empty((0, 3)), np.array(poses)
+    return translation_hypotheses(none, turned, ref.image, cur.image, ref.landmarks, cur.landmarks, n_most)
 
 
 @pytest.mark.parametrize("motion", [(0.55, -0.45, 0.2), (-0.35, 0.3, 0.2), (0.05, 0.6, -1.5)])

@@ -21,7 +21,7 @@ from curvescan.matchers.curvescan.features.range_image import (
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
 from curvescan.matchers.curvescan.features.surfels import NX, NY, X, Y, fit_lines, fit_surfels
 from curvescan.scan import LaserScan
-from curvescan.types import Bools, Floats, Ints
+from curvescan.types import Floats, Ints
 
 N_WIDE = 192  # readings of each scan where poses that are nearly as good as each other are compared
 _NOISY = 0.02  # range noise, metres, from which on segments and lines are found anew with it
@@ -63,7 +63,7 @@ class CurvescanFeatures(Surfaces):
     @cached_property
     def landmarks(self) -> Landmarks:
         """Walls, edges, directions and axis: a match near a good prior needs none of them."""
-        return Landmarks(*find_landmarks(self.image.surfels, self.image.samples, self.bounds, self.is_closed))
+        return find_landmarks(self.image.surfels, self.image.samples, self.bounds, self.is_closed)
 
 
 def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatures:
@@ -73,7 +73,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
     segments = config.segments
     angles = scan.angles[:0] if is_even else scan.angles
     n_slots = 0 if not is_even else max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
-    beam_idx, bounds, surfels, few, label, is_free, is_small, table = extract(
+    beam_idx, bounds, surfels, few, objects, table = extract(
         Sweep(scan.ranges, scan.directions, scan.valid, angles, step, is_clockwise, is_closed),
         (segments.incidence_limit, segments.jump, segments.arm, segments.range_sigma_min),
         (config.scoring.n_samples, n_slots),
@@ -85,8 +85,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
         angle_min = float(scan.angles[-1 if is_clockwise else 0])
         table, density = uneven_azimuth_table(beam_idx, scan.angles, step, is_closed)
     azimuth = np.array([math.remainder(angle_min, 2.0 * math.pi), density, density * step])
-    objects, image = Objects(label, is_free, is_small), RangeImage(few, surfels, azimuth, table)
-    features = CurvescanFeatures(n, beam_idx, bounds, objects, image)
+    features = CurvescanFeatures(n, beam_idx, bounds, objects, RangeImage(few, surfels, azimuth, table))
     features.is_closed = is_closed
     return features
 
@@ -94,7 +93,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
 @kernel
 def extract(
     sweep: Sweep, lengths: tuple[float, float, float, float], counts: tuple[int, int]
-) -> tuple[Ints, Ints, Floats, Floats, Ints, Bools, Bools, Ints]:
+) -> tuple[Ints, Ints, Floats, Floats, Objects, Ints]:
     """Return beams, bounds, surfels, samples, objects and azimuths.
 
     What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
@@ -113,5 +112,4 @@ def extract(
     surfels = fit_surfels(readings, fits, sweep.step, sigma)
     samples = choose_samples(surfels, n_samples)
     table = azimuth_table(beam_idx, sweep.ranges.size, n_slots, sweep.is_clockwise, sweep.is_closed)
-    label, is_free, is_small = find_objects(surfels, bounds)
-    return beam_idx, bounds, surfels, samples, label, is_free, is_small, table
+    return beam_idx, bounds, surfels, samples, find_objects(surfels, bounds), table

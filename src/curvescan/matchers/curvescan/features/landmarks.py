@@ -33,12 +33,10 @@ class Landmarks(NamedTuple):
 
 
 @kernel
-def find_landmarks(
-    surfels: Floats, samples: Floats, bounds: Ints, is_closed: bool
-) -> tuple[Floats, Floats, Floats, float]:
-    """Return the fields of Landmarks."""
+def find_landmarks(surfels: Floats, samples: Floats, bounds: Ints, is_closed: bool) -> Landmarks:
+    """Return the landmarks of a scan."""
     walls, edges = stretches_of_wall(surfels, bounds), find_edges(surfels, bounds, is_closed)
-    return walls, edges, direction_histogram(surfels), axis_of(samples)
+    return Landmarks(walls, edges, direction_histogram(surfels), axis_of(samples))
 
 
 @kernel

@@ -27,8 +27,8 @@ class Objects(NamedTuple):
 
 
 @kernel
-def find_objects(surfels: Floats, bounds: Ints) -> tuple[Ints, Bools, Bools]:
-    """Return the fields of the Objects of a scan: its surfaces of up to 1 m."""
+def find_objects(surfels: Floats, bounds: Ints) -> Objects:
+    """Return the objects of a scan: its surfaces of up to 1 m."""
     m = surfels.shape[0]
     label, is_small, is_free = np.empty(m, dtype=np.int64), np.empty(m, dtype=np.bool_), np.empty(m, dtype=np.bool_)
     n = m - m  # 0 that is no constant
@@ -45,7 +45,7 @@ def find_objects(surfels: Floats, bounds: Ints) -> tuple[Ints, Bools, Bools]:
         for i in range(first, last + 1):
             label[i], is_small[i] = n if is_object else -1, stands_before
         n += is_object
-    return label, is_free[:n].copy(), is_small
+    return Objects(label, is_free[:n].copy(), is_small)
 
 
 @inlined

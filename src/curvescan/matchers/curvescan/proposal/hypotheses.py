@@ -167,17 +167,24 @@ def coinciding_places(turned: Floats, axis: float, marks_ref: Landmarks, marks_c
 
 @kernel
 def translation_hypotheses(
-    turned: Floats, ref: RangeImage, cur: RangeImage, marks_ref: Landmarks, marks_cur: Landmarks, n_most: int
+    first: Floats,
+    turned: Floats,
+    ref: RangeImage,
+    cur: RangeImage,
+    marks_ref: Landmarks,
+    marks_cur: Landmarks,
+    n_most: int,
 ) -> Floats:
-    """Return (k, 3) poses with the turns of (h, 3) given ones, where walls coincide along both axes, the best first.
+    """Return the `first` poses, and those with the turns of (h, 3) given ones where walls coincide along both axes.
 
     The n_most best are looked at. Left out are those at which one sensor would stand behind what the other saw.
     """
     axis = marks_ref.axis
     places, heights = coinciding_places(turned, axis, marks_ref, marks_cur)
-    poses = np.empty((n_most, 3))
+    n = first.shape[0]
+    poses = np.empty((n + n_most, 3))
+    poses[:n] = first
     upcoming = np.zeros((turned.shape[0], _N_PLACES), dtype=np.int64)  # along the second axis, by that along the first
-    n = n_most - n_most  # 0 that is no constant
     for _ in range(min(n_most, turned.shape[0] * _N_PLACES * _N_PLACES)):
         most, h, i = -1.0, 0, 0
         for t in range(turned.shape[0]):

@@ -122,15 +122,15 @@ def search(
     with its turn: among round things the turns of the directions are too far off.
     """
     turned = rotation_hypotheses(marks_ref.directions, marks_cur.directions, effort.n_rotations, expected)
-    tried = stack(turned, translation_hypotheses(turned, ref, cur, marks_ref, marks_cur, effort.max_tried))
+    tried = translation_hypotheses(turned, turned, ref, cur, marks_ref, marks_cur, effort.max_tried)
     poses, scores = explore(tried, ref, cur, effort)
     n_tried = tried.shape[0]
     if not is_found(poses, scores, turned, effort.doubtful_score):
         is_turn_known = scores.size > 0 and scores[0] > _LEAST_SCORE
         turned = poses[:1] if is_turn_known else turns_beside(turned[min(1, turned.shape[0] - 1)])
-        tried = translation_hypotheses(turned, ref, cur, marks_ref, marks_cur, effort.max_tried // 2)
-        poses, scores = explore(stack(poses, tried), ref, cur, effort)
-        n_tried += tried.shape[0]
+        tried = translation_hypotheses(poses, turned, ref, cur, marks_ref, marks_cur, effort.max_tried // 2)
+        n_tried += tried.shape[0] - poses.shape[0]
+        poses, scores = explore(tried, ref, cur, effort)
     return poses, scores, n_tried
 
 
@@ -154,17 +154,6 @@ def turns_beside(pose: Floats) -> Floats:
         turned[k, 0], turned[k, 1] = pose[0], pose[1]
         turned[k, 2] = pose[2] + _TURN_STEP * (k - 2 if k < 2 else k - 1)
     return turned
-
-
-@kernel
-def stack(first: Floats, second: Floats) -> Floats:
-    """Return (h + k, 3) the poses of both; np.concatenate takes half a second to compile."""
-    n = first.shape[0]
-    both = np.empty((n + second.shape[0], 3))
-    for i in range(both.shape[0]):
-        for k in range(3):
-            both[i, k] = first[i, k] if i < n else second[i - n, k]
-    return both
 
 
 @kernel
