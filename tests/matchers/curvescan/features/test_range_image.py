@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.features.range_image import (
-    azimuth_table,
-    bearing,
-    choose_samples,
-    reading_at,
-    uneven_azimuth_table,
-)
+from curvescan.matchers.curvescan.features.range_image import azimuth_table, bearing, choose_samples, reading_at
 from tests.matchers.curvescan.scenes import features, pillar_scan
 from tests.reference import curvescan as slow
 
@@ -72,10 +66,14 @@ def test_a_half_circle_sees_nothing_behind():
 
 
 def test_slots_run_counter_clockwise_whatever_way_the_sensor_turns():
-    assert azimuth_table(np.array([0, 2]), 3, 4, False, False).tolist() == [0, -1, 1, -2]
-    assert azimuth_table(np.array([2, 0]), 3, 4, True, False).tolist() == [0, -1, 1, -2]
-    assert azimuth_table(np.array([0, 1]), 2, 3, False, True).tolist() == [0, 1, 0]
-    assert azimuth_table(np.array([0, 1, 2]), 3, 2, False, True).tolist() == [0, 1]
+    angles, third = np.array([0.5, 0.6, 0.7]), 2.0 * math.pi / 3.0
+    assert azimuth_table(np.array([0, 2]), angles, 0.1, True, False, False)[0].tolist() == [0, -1, 1, -2]
+    assert azimuth_table(np.array([2, 0]), angles[::-1], 0.1, True, True, False)[0].tolist() == [0, -1, 1, -2]
+    assert azimuth_table(np.array([0, 1]), third * np.arange(2), third, True, False, True)[0].tolist() in [
+        [0, 1, 0],
+        [0, 1, 1],
+    ]
+    assert azimuth_table(np.array([0, 1, 2]), math.pi * np.arange(3), math.pi, True, False, True)[0].tolist() == [0, 1]
 
 
 @pytest.mark.parametrize(("increment", "n_beams"), [(1e-9, 50), (1e-3, 50), (0.2, 50), (3.0, 5)])
@@ -121,7 +119,7 @@ def test_of_uneven_beams_the_reading_is_that_of_the_nearest(span_deg, way):
 
 def test_a_hole_between_uneven_beams_is_out_of_view():
     angles = np.radians([0.0, 1.0, 2.1, 3.0, 60.0, 61.0, 62.0])
-    table, density = uneven_azimuth_table(np.arange(7), angles, math.radians(1.0), False)
+    table, density = azimuth_table(np.arange(7), angles, math.radians(1.0), False, False, False)
     for bearing_deg, expected in [(0.2, 0), (2.0, 2), (4.0, 3), (30.0, -2), (59.0, 4), (63.0, 6)]:
         assert table[round(math.radians(bearing_deg) * density)] == expected
     assert table[-1] == -2

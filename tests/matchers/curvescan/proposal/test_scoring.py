@@ -19,7 +19,8 @@ from tests.reference import curvescan as slow
 
 
 def score_pose(pose, ref, cur, *limits):
-    return scoring.score_pose(pose, ref, cur, *limits, scoring.room_for(ref, cur))
+    placed = np.empty((3, len(ref.samples))), np.empty((3, len(cur.samples)))
+    return scoring.score_pose(pose, ref, cur, *limits, placed)
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -56,10 +56,8 @@ _ENOUGH_EXCESS = 2.0  # metres of excess from which on a pose rests on more than
 _FLOOR = 0.1  # metres, and mean square: what is added before a logarithm is taken
 # Of the terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice.
 _COLUMNS = (AGREEING, WEAKEST, MISFIT)
-_ROW = {name: k for k, name in enumerate(COEFFICIENTS)}
 _WEIGHTS, _N_TERMS = tuple(COEFFICIENTS.values()), len(COEFFICIENTS)
-_CONSTANT, _SEEN_THROUGH = _ROW["constant"], _ROW["log10_seen_through"]
-_PRIOR, _FEW_PRIOR = _ROW["prior"], _ROW["few_prior"]
+_CONSTANT, *_, _SEEN_THROUGH, _PRIOR, _FEW_PRIOR = range(_N_TERMS)
 _LITTLE = 0.5  # metres: so much more explains nothing
 _BARE_PRIOR = -0.25  # log odds of the prior below which a bare room may be turned by half: 1 m and 57 degrees
 _DOUBTFUL = 0.1  # of what agrees: a pose of which more is contradicted is in doubt

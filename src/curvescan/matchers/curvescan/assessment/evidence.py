@@ -51,8 +51,7 @@ def gather_evidence(
     codes_ref, codes_cur = np.empty(ref.beam_idx.size, dtype=np.uint8), np.empty(cur.beam_idx.size, dtype=np.uint8)
     partner_ref, partner_cur = np.empty(codes_ref.size, dtype=np.int64), np.empty(codes_cur.size, dtype=np.int64)
     for k in range(poses.shape[0] - 1, -1, -1):
-        n_misfits = 0.0
-        n_misfits += add_evidence(cur, ref, poses[k], FORWARD, margin, found[k], codes_cur, partner_cur)
+        n_misfits = add_evidence(cur, ref, poses[k], FORWARD, margin, found[k], codes_cur, partner_cur)
         n_misfits += add_evidence(ref, cur, poses[k], BACKWARD, margin, found[k], codes_ref, partner_ref)
         for column in range(N_EVIDENCE):
             found[k, column] *= 1.0 / max(n_misfits, 1.0) if column == MISFIT else 0.5

@@ -12,12 +12,7 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.landmarks import Landmarks, find_landmarks
 from curvescan.matchers.curvescan.features.objects import Objects, find_objects
-from curvescan.matchers.curvescan.features.range_image import (
-    RangeImage,
-    azimuth_table,
-    choose_samples,
-    uneven_azimuth_table,
-)
+from curvescan.matchers.curvescan.features.range_image import RangeImage, azimuth_table, choose_samples
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
 from curvescan.matchers.curvescan.features.surfels import NX, NY, X, Y, fit_lines, fit_surfels
 from curvescan.scan import LaserScan
@@ -72,18 +67,13 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
     is_clockwise, is_closed, is_even = scan.angle_increment < 0.0, scan.is_full_circle, scan.has_uniform_angles
     segments = config.segments
     angles = scan.angles[:0] if is_even else scan.angles
-    n_slots = 0 if not is_even else max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
-    beam_idx, bounds, surfels, few, objects, table = extract(
+    beam_idx, bounds, surfels, few, objects = extract(
         Sweep(scan.ranges, scan.directions, scan.valid, angles, step, is_clockwise, is_closed),
         (segments.incidence_limit, segments.jump, segments.arm, segments.range_sigma_min),
-        (config.scoring.n_samples, n_slots),
+        config.scoring.n_samples,
     )
-    if is_even:
-        angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
-        density = 1.0 / step
-    else:
-        angle_min = float(scan.angles[-1 if is_clockwise else 0])
-        table, density = uneven_azimuth_table(beam_idx, scan.angles, step, is_closed)
+    table, density = azimuth_table(beam_idx, scan.angles, step, is_even, is_clockwise, is_closed)
+    angle_min = float(scan.angles[-1 if is_clockwise else 0]) if n else 0.0
     azimuth = np.array([math.remainder(angle_min, 2.0 * math.pi), density, density * step])
     features = CurvescanFeatures(n, beam_idx, bounds, objects, RangeImage(few, surfels, azimuth, table))
     features.is_closed = is_closed
@@ -92,16 +82,15 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
 
 @kernel
 def extract(
-    sweep: Sweep, lengths: tuple[float, float, float, float], counts: tuple[int, int]
-) -> tuple[Ints, Ints, Floats, Floats, Objects, Ints]:
-    """Return beams, bounds, surfels, samples, objects and azimuths.
+    sweep: Sweep, lengths: tuple[float, float, float, float], n_samples: int
+) -> tuple[Ints, Ints, Floats, Floats, Objects]:
+    """Return beams, bounds, surfels, samples and objects.
 
     What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
     depends on the noise, which is estimated from the lines: where it is large, segments and lines are found anew with
-    it. lengths: incidence limit, jump, arm and least noise; counts: samples, slots of the azimuth table.
+    it. lengths: incidence limit, jump, arm and least noise.
     """
     incidence_limit, jump, arm, sigma_min = lengths
-    n_samples, n_slots = counts
     beam_idx, readings, bounds = ordered_readings(sweep, incidence_limit, jump)
     fits, sigma = fit_lines(readings, bounds, arm, sigma_min)
     if sigma > _NOISY:
@@ -110,6 +99,4 @@ def extract(
         beam_idx, readings, bounds = ordered_readings(sweep, incidence_limit, jump)
         fits, sigma = fit_lines(readings, bounds, arm, sigma_min)
     surfels = fit_surfels(readings, fits, sweep.step, sigma)
-    samples = choose_samples(surfels, n_samples)
-    table = azimuth_table(beam_idx, sweep.ranges.size, n_slots, sweep.is_clockwise, sweep.is_closed)
-    return beam_idx, bounds, surfels, samples, find_objects(surfels, bounds), table
+    return beam_idx, bounds, surfels, choose_samples(surfels, n_samples), find_objects(surfels, bounds)

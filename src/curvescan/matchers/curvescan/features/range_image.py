@@ -24,14 +24,15 @@ class RangeImage(NamedTuple):
 
 
 AZIMUTH_MIN, SLOTS_A_RADIAN, SLOTS_A_BEAM = range(3)  # columns of `azimuth`
-# Slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step.
+# Slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step. An even one
+# has a slot for each beam.
 _SLOTS_A_STEP = 4
 _MAX_SLOTS = 1 << 16
 
 # Median steps from the nearest beam from which on a direction is a hole: half a step and as much jitter as there may
 # be.
 _GAP_STEPS = 1.5
-_ONE_TURN = 1e-9  # radians: rounding of a beam that stands a full turn after the first
+_ROUNDING = 1e-9  # radians, and slots: of a beam that stands a full turn after the first
 _TINY = 1e-300  # so that the origin is not divided by zero
 
 # Coefficients of the odd powers of the arc tangent on [0, 1], from the third on, by least squares at places that crowd
@@ -45,54 +46,36 @@ _GOLDEN_SECTION = 0.5 * (math.sqrt(5) - 1.0)
 
 
 @kernel
-def azimuth_table(beam_idx: Ints, n_beams: int, n_slots: int, is_clockwise: bool, is_closed: bool) -> Ints:
-    """Return (n_slots,) the reading in each direction, counter-clockwise from the first beam.
+def azimuth_table(
+    beam_idx: Ints, angles: Floats, step: float, is_even: bool, is_clockwise: bool, is_closed: bool
+) -> tuple[Ints, float]:
+    """Return the reading in each direction, counter-clockwise from the first beam, and the slots a radian.
 
-    -1: the beam there has no reading; -2: out of the field of view, which the last slot of an open sweep stands for.
-    The slots of a full circle go once around; when it has a beam less than slots the last slot is left to the first
-    beam, when it has one more the last beam has none.
-    """
-    table = np.empty(n_slots, dtype=np.int64)
-    for slot in range(n_slots):
-        table[slot] = -1 if slot < n_beams else -2
-    for i in range(beam_idx.size):
-        slot = n_beams - 1 - beam_idx[i] if is_clockwise else beam_idx[i]
-        if slot < n_slots:
-            table[slot] = i
-    if is_closed and n_beams == n_slots - 1:
-        table[n_slots - 1] = table[0]
-    return table
-
-
-@kernel
-def uneven_azimuth_table(beam_idx: Ints, angles: Floats, step: float, is_closed: bool) -> tuple[Ints, float]:
-    """Return the lookup of beams that are not evenly spaced, and its slots a radian.
-
-    Each slot holds what the nearest beam has; -2 where that is farther off than one and a half steps, as in a hole.
+    Each slot holds what the nearest beam has: its reading, or -1 where it has none. -2 where that is farther off than
+    one and a half steps, as in a hole, and out of the field of view, which the last slot of an open sweep stands for.
 
     beam_idx (m,); angles (n,).
     """
     n, turn = angles.size, 2.0 * math.pi
-    is_falling = angles[n - 1] < angles[0]
     # beams from the first on, counter-clockwise, the last once more before it and the first after it
-    around, reading = np.empty(n + 2), np.empty(n + 2, dtype=np.int64)
+    around, reading = np.zeros(n + 2), np.full(n + 2, -1)
     n_once = n - n  # 0 that is no constant
     for k in range(n):
-        offset = angles[n - 1 - k] - angles[n - 1] if is_falling else angles[k] - angles[0]
-        if offset < turn - _ONE_TURN:  # what a sweep sees a second time is left to the first
+        offset = angles[n - 1 - k] - angles[n - 1] if is_clockwise else angles[k] - angles[0]
+        if offset < turn - _ROUNDING:  # what a sweep sees a second time is left to the first
             n_once += 1
-            around[n_once], reading[n_once] = offset, -1
+            around[n_once] = offset
     for i in range(beam_idx.size):
-        k = n - 1 - beam_idx[i] if is_falling else beam_idx[i]
+        k = n - 1 - beam_idx[i] if is_clockwise else beam_idx[i]
         if k < n_once:
             reading[k + 1] = i
+    reach = turn if is_closed else around[n_once] + (0.5 if is_even else _GAP_STEPS) * step
     around[0], reading[0] = around[n_once] - turn, reading[n_once]
     around[n_once + 1], reading[n_once + 1] = around[1] + turn, reading[1]
     low, high = (0, n_once + 1) if is_closed else (1, n_once)
-    reach = turn if is_closed else around[n_once] + _GAP_STEPS * step
-    # a full circle has a whole number of slots, the last slot of an open sweep is what it does not see
-    n_whole = int(min(math.ceil(_SLOTS_A_STEP * reach / step), _MAX_SLOTS))
-    density = n_whole / reach
+    # a full circle has a whole number of slots
+    n_whole = math.ceil(min((1 if is_even else _SLOTS_A_STEP) * reach / step, _MAX_SLOTS) - _ROUNDING)
+    density = 1.0 / step if is_even else n_whole / reach
     table = np.full(n_whole if is_closed else n_whole + 1, -2)
     after = min(low + 1, high)
     for slot in range(n_whole):

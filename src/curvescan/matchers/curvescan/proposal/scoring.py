@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from curvescan import se2
-from curvescan._jit import inlined, kernel
+from curvescan._jit import kernel
 from curvescan.matchers.curvescan.association import (
     FORWARD,
     Motion,
@@ -84,12 +84,6 @@ def score_samples(
     return score
 
 
-@inlined
-def room_for(ref: RangeImage, cur: RangeImage) -> tuple[Floats, Floats]:
-    """Return arrays for the samples of two scans, projected."""
-    return np.empty((3, ref.samples.shape[0])), np.empty((3, cur.samples.shape[0]))
-
-
 @kernel
 def score_pose(
     pose: Floats,
@@ -104,7 +98,7 @@ def score_pose(
     """Return the score of one pose, both ways round, at most 1.
 
     n_first samples of each scan are tried, then as many more as before, until all are or the score has no
-    prospect of reaching `least`; it is then that of the samples tried. placed: room to work, see :func:`room_for`.
+    prospect of reaching `least`; it is then that of the samples tried. placed: room to project the samples of both.
     """
     x, y, theta = pose[0], pose[1], pose[2]
     c, s = math.cos(theta), math.sin(theta)
@@ -142,7 +136,7 @@ def select(
     best = np.empty((n_kept, 3))
     scores = np.empty(n_kept)
     n_alike = np.zeros(n_kept, dtype=np.int64)
-    placed = room_for(ref, cur)
+    placed = np.empty((3, ref.samples.shape[0])), np.empty((3, cur.samples.shape[0]))
     n = 0
     for h in range(poses.shape[0]):
         x, y, theta = poses[h, 0], poses[h, 1], poses[h, 2]

@@ -80,18 +80,15 @@ def effort_of(config: CurvescanConfig) -> Effort:
 def at_prior(problem: Problem, effort: Effort) -> tuple[Candidates, bool]:
     """Return the pose of a prior that tells where it is, refined, and whether it may be right."""
     ref, cur, prior, _ = problem
-    if not prior.is_told:
-        return NOTHING, False
-    poses, scores, is_likely = refine_guess(ref.image, cur.image, prior, effort)
-    return Candidates(poses, scores, len(poses)), is_likely
+    return refine_guess(ref.image, cur.image, prior, effort) if prior.is_told else (NOTHING, False)
 
 
 def searched(problem: Problem, near: Candidates, effort: Effort) -> Candidates:
     """Return what a search finds, and the pose of the prior, where the search has none beside it."""
     ref, cur, prior, _ = problem
     poses, scores, n_tried = search(ref.image, cur.image, ref.landmarks, cur.landmarks, prior.pose, effort)
-    is_likely = scores > _LEAST_SCORE
-    poses, scores = poses[is_likely], scores[is_likely]
+    n = int(np.count_nonzero(scores > _LEAST_SCORE))
+    poses, scores = poses[:n], scores[:n]
     if len(near.poses) and not any(distance(near.poses[0], pose) < SAME for pose in poses):
         poses, scores = np.concatenate((poses, near.poses)), np.concatenate((scores, near.scores))
         n_tried += len(near.scores)
@@ -99,8 +96,8 @@ def searched(problem: Problem, near: Candidates, effort: Effort) -> Candidates:
 
 
 @kernel
-def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort) -> tuple[Floats, Floats, bool]:
-    """Return the pose of the prior, refined, and its score, none where no reading agrees.
+def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort) -> tuple[Candidates, bool]:
+    """Return the pose of the prior, refined, none where no reading agrees.
 
     And whether it may be right: much agrees there, and the prior has it there.
     """
@@ -109,7 +106,8 @@ def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort)
         guess[0, k] = prior.pose[k]
     refined, n_kept = refine(guess, ref, cur, effort.sigmas), len(guess)  # 1 that is no constant
     near, scores = select(refined, ref, cur, CLOSE[0], CLOSE[1], n_kept, effort.n_first[1], NEAR)
-    return near, scores, scores.size > 0 and scores[0] > _CERTAIN_SCORE and log_odds(near, prior)[0][0] > TOLD
+    is_likely = scores.size > 0 and scores[0] > _CERTAIN_SCORE and log_odds(near, prior)[0][0] > TOLD
+    return Candidates(near, scores, n_kept), is_likely
 
 
 @kernel
