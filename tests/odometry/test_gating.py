@@ -12,6 +12,7 @@ from curvescan.matchers import MatchResult, Outcome
 from curvescan.odometry import MotionConfig
 from curvescan.odometry.measurement import CERTAIN
 from curvescan.odometry.measurement import gate as gate_within
+from curvescan.odometry.motion_model import Clock, Prediction
 from curvescan.se2.uncertain import UncertainPose
 
 EXPECTED = UncertainPose(np.array([0.1, 0.0, 0.05]), np.diag([0.02**2, 0.02**2, 0.02**2]))
@@ -20,7 +21,10 @@ CONFIG = MotionConfig()
 
 def gate(result, expected, config, seconds=0.5, **given):
     """Return a match held against what was expected so long after the last one."""
-    return gate_within(result, expected, config.recovery_covariance(expected.pose, seconds), config, **given)
+    recovery = config.recovery_covariance(expected.pose, seconds)
+    reach = seconds * config.recovery_speed + math.hypot(*expected.pose[:2])
+    prediction = Prediction(expected, expected, False, Clock(), None, recovery, reach)
+    return gate_within(result, expected, prediction, config, **given)
 
 
 def matched(pose=(0.1, 0.0, 0.05), **kwargs):
@@ -86,6 +90,33 @@ def test_half_the_squared_distance_speaks_against_a_leap():
     gated = gate(matched((0.7, 0.0, 0.05), confidence=0.9), EXPECTED, CONFIG, seconds=0.2)
     assert gated.leap == pytest.approx((0.6 / sigma) ** 2, rel=1e-3)
     assert gated.log_odds == pytest.approx(math.log(9.0) - 0.5 * gated.leap, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("pose", "confidence", "is_opened"),
+    [
+        ((-0.5, 0.01, 0.06), 0.85, True),
+        ((-0.5, 0.01, 0.06), 0.99, False),  # a sensor does stop at once
+        ((0.4, 0.01, 0.06), 0.85, False),
+        ((0.1, 0.01, 0.65), 0.85, False),  # and it turns at once
+        ((-1.0, 0.01, 0.06), 0.999, True),
+    ],
+)
+def test_a_doubtful_match_of_a_sudden_shift_counts_for_nothing_along_it(pose, confidence, is_opened):
+    gated = gate(matched(pose, confidence=confidence), EXPECTED, CONFIG)
+    assert not gated.is_plausible
+    assert gated.is_accepted
+    assert gated.is_opened is is_opened
+    assert gated.is_fully_observed is not is_opened
+    expected = (EXPECTED.pose[0], *pose[1:]) if is_opened else pose
+    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, expected, atol=0.012)
+    along, across = np.sqrt(np.diag(gated.pose_keyframe_scan.cov)[:2])
+    assert across < 0.002
+    assert along == pytest.approx(0.02 if is_opened else 0.001, rel=0.1)
+
+
+def test_after_a_long_time_no_shift_is_too_sudden():
+    assert not gate(matched((-1.0, 0.01, 0.06), confidence=0.85), EXPECTED, CONFIG, seconds=3.0).is_opened
 
 
 def test_a_failed_match_leaves_the_expectation():

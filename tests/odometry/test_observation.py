@@ -43,6 +43,7 @@ def gated(by_wheels, by_last=TRUE, is_measured=True, **result):
         clock=Clock(),
         odometry_pose=None,
         recovery=np.diag([0.25, 0.25, 1.0]),
+        reach=0.5,
     )
     matching = Matching(matcher=NeedsGuess(**result), config=OdometryConfig())
     scan = SimpleNamespace(features=None)

@@ -14,7 +14,7 @@ from curvescan.engines import run_engine
 from curvescan.odometry import KeyframesConfig, MotionConfig, OdometryConfig, StepOutcome
 from curvescan.simulation import build_world
 from tests.reference.se2 import compose_covariance
-from tests.scenes import room_scan
+from tests.scenes import room_ranges, room_scan
 
 STEP = np.array([0.05, 0.02, 0.04])
 
@@ -243,6 +243,20 @@ def test_along_a_bare_corridor_the_wheels_decide_and_across_it_the_laser():
     assert alone.covariances[-1, 0, 0] > 1.0
     assert helped.covariances[-1, 0, 0] < 0.3**2
     assert np.abs(error[-1, 0]) < 3.0 * np.sqrt(helped.covariances[-1, 0, 0])
+
+
+def test_the_end_of_a_corridor_that_is_carried_away_does_not_take_the_track_along():
+    """Nothing else shows the way there: as when a sensor tips and sees the floor, or a board is carried ahead of it."""
+    angles, rng, odometry = np.radians(np.arange(-90.0, 90.0)), np.random.default_rng(4), cs.Odometry()
+    for k in range(80):
+        x = 0.086 * k
+        end = {60: 6.0, 61: 7.2, 62: 8.4}.get(k, 10.0 - x if k < 60 else 70.0)
+        ranges = room_ranges((x, 0.0, 0.0), angles, (-20.0, -1.0, x + end, 1.0)) + rng.normal(0.0, 0.008, 180)
+        scan = cs.LaserScan(
+            ranges, angle_min=angles[0], angle_increment=math.radians(1.0), range_max=30.0, stamp=0.44 * k
+        )
+        step = odometry.add(scan)
+    np.testing.assert_allclose(step.pose, [x, 0.0, 0.0], atol=0.1)  # of 7 m
 
 
 def test_wheels_that_know_only_the_turn_are_taken_for_that():

@@ -82,6 +82,11 @@ class MotionConfig:
         require(self.memory >= 1.0, "memory must be at least 1 step", self.memory)
         require(self.max_repeats >= 0, "max_repeats must be >= 0", self.max_repeats)
 
+    @property
+    def recovery_speed(self) -> float:
+        """How much faster or slower a sensor is at once, metres a second: a standard deviation."""
+        return self.recovery_sigma_m / _RECOVERED
+
     def recovery_covariance(self, motion: Pose, seconds: float) -> Cov:
         """Return (3, 3) where the sensor may be besides, once a match failed or contradicts an expected motion (3,)."""
         most = np.array([self.recovery_sigma_m, self.recovery_sigma_m, self.recovery_sigma_rad])

@@ -98,7 +98,7 @@ def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMa
         # the expectation is the same in all matches of a gap, and must not count in each
         known = UncertainPose(expected.pose, WIDE_PRIOR.cov)
         result = o.matching.matcher.match(one.scan.features, placement.current.features, known)
-        gated = gate(result, expected, o.prediction.recovery, o.config.motion)
+        gated = gate(result, expected, o.prediction, o.config.motion)
         if gated.is_plausible and (best is None or result.confidence > best.result.confidence):
             best, said, keyframe = gated, gated.log_odds, one
         elif best is None and not result.ok:

@@ -73,6 +73,7 @@ class Prediction(NamedTuple):
     clock: Clock  # the clock of the stream at this scan
     odometry_pose: Pose | None  # (3,): pose of the sensor at this scan by another odometry
     recovery: Cov  # (3, 3): how much farther from there the sensor may be once a match failed or contradicts
+    reach: float  # metres, standard deviation: how far from there it gets since the last match, if it moves at once
     is_missed: bool = False  # whether that is taken not to have been updated since the last scan
 
 
@@ -124,6 +125,7 @@ class MotionModel(NamedTuple):
             clock=clock,
             odometry_pose=odometry_pose,
             recovery=self.config.recovery_covariance(pose, seconds),
+            reach=min(self.config.recovery_speed * seconds, _LONGEST_STEP) + math.hypot(pose[0], pose[1]),
             is_missed=is_missed,
         )
 

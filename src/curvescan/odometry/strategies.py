@@ -87,7 +87,7 @@ def _track(o: Observation, last: Localization, attempt: _Attempt) -> Placement |
     gated, keyframe, result = attempt.gated, attempt.keyframe, attempt.gated.result
     expected = o.prediction.repeated if gated.is_by_last_motion else o.prediction.motion
     measured = compose(inverse(attempt.origin), gated.measured)
-    if not gated.is_plausible:
+    if not gated.is_plausible and not gated.is_opened:
         expected = UncertainPose(expected.pose, expected.cov + o.prediction.recovery)
     motion = fuse(expected, measured)[0]
     localization = Localization(
