@@ -23,7 +23,8 @@ def gate(result, expected, config, seconds=0.5, **given):
     """Return a match held against what was expected so long after the last one."""
     recovery = config.recovery_covariance(expected.pose, seconds)
     reach = seconds * config.recovery_speed + math.hypot(*expected.pose[:2])
-    prediction = Prediction(expected, expected, False, Clock(), None, recovery, reach)
+    onward = (round(seconds / 0.5) - 1.0) * expected.pose
+    prediction = Prediction(expected, expected, False, Clock(), None, recovery, reach, onward)
     return gate_within(result, expected, prediction, config, **given)
 
 
@@ -113,6 +114,16 @@ def test_a_doubtful_match_of_a_sudden_shift_counts_for_nothing_along_it(pose, co
     along, across = np.sqrt(np.diag(gated.pose_keyframe_scan.cov)[:2])
     assert across < 0.002
     assert along == pytest.approx(0.02 if is_opened else 0.001, rel=0.1)
+
+
+@pytest.mark.parametrize(("x", "is_opened"), [(0.8, False), (-0.6, True)])
+def test_scans_that_are_missing_may_have_led_on(x, is_opened):
+    """A sensor that went on for eight scans is eight times as far; not back."""
+    expected = UncertainPose(np.array([0.1, 0.0, 0.0]), EXPECTED.cov)
+    prediction = Prediction(expected, expected, False, Clock(), None, np.eye(3), 0.2, 7.0 * expected.pose)
+    turned = UncertainPose(np.array([0.0, 0.1, math.pi / 2]), EXPECTED.cov)  # as seen from another reference
+    for seen, pose in ((expected, (x, 0.0, 0.0)), (turned, (0.0, x, math.pi / 2))):
+        assert gate_within(matched(pose, confidence=0.85), seen, prediction, CONFIG).is_opened is is_opened
 
 
 def test_after_a_long_time_no_shift_is_too_sudden():

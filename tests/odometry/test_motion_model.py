@@ -212,6 +212,7 @@ def test_how_far_a_sensor_gets_unseen_follows_from_the_time():
     moving = updated(still, 1.0, UncertainPose(np.array([0.12, -0.16, 0.3]), SEEN.cov))
     np.testing.assert_allclose(recovery_sigmas(moving, 1.1), [0.3, 0.3, 0.5], rtol=1e-9)
     assert [moving.predict(stamp, None).reach for stamp in (1.1, 3.0)] == pytest.approx([0.3, 2.2])
+    np.testing.assert_allclose(moving.predict(1.3, None).onward, 2.0 * moving.last.pose)  # two scans are missing
     # stamps that are all alike are no times
     np.testing.assert_allclose(
         recovery_sigmas(updated(MotionModel.at_start(MotionConfig()), 0.0), 0.0), [0.5, 0.5, 1.0]

@@ -44,6 +44,7 @@ def gated(by_wheels, by_last=TRUE, is_measured=True, **result):
         odometry_pose=None,
         recovery=np.diag([0.25, 0.25, 1.0]),
         reach=0.5,
+        onward=np.zeros(3),
     )
     matching = Matching(matcher=NeedsGuess(**result), config=OdometryConfig())
     scan = SimpleNamespace(features=None)

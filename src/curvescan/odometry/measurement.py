@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from curvescan import se2
 from curvescan.matchers import Candidate, MatchResult, PreparedScan, prepared
 from curvescan.matchers.registry import Matcher
 from curvescan.matchers.result import Outcome, log_odds
@@ -113,14 +114,23 @@ def gate(
     if distance <= config.motion_gate_chi2:
         return GatedMatch(result, fused, True, found)
     fused, leap = fuse(UncertainPose(expected.pose, expected.cov + prediction.recovery), found)
-    off = found.pose[:2] - expected.pose[:2]
-    cov = expected.cov[:2, :2] + found.cov[:2, :2] + prediction.reach**2 * np.eye(2)
-    if _SUDDEN * off @ np.linalg.solve(cov, off) <= log_odds(result.confidence, unknown=CERTAIN):
+    if _SUDDEN * _shift(expected, found, prediction) <= log_odds(result.confidence, unknown=CERTAIN):
         return GatedMatch(result, fused, False, found, leap)
+    off = found.pose[:2] - expected.pose[:2]
     way = np.array([*off, 0.0]) / math.hypot(*off)
     found = UncertainPose(found.pose, found.cov + _OPEN**2 * np.outer(way, way))
     result = replace(result, degenerate_direction=way)
     return GatedMatch(result, fuse(expected, found)[0], False, found, leap, is_opened=True)
+
+
+def _shift(expected: UncertainPose, found: UncertainPose, prediction: Prediction) -> float:
+    """Return the squared distance from where a sensor was expected, by how far it gets if it moves at once."""
+    off, heading = found.pose[:2] - expected.pose[:2], expected.pose[2] - prediction.motion.pose[2]
+    onward = se2.compose(np.array([0.0, 0.0, heading]), prediction.onward)[:2]
+    if onward.any():  # anywhere between is as likely
+        off = off - np.clip(off @ onward / (onward @ onward), 0.0, 1.0) * onward
+    cov = expected.cov[:2, :2] + found.cov[:2, :2] + prediction.reach**2 * np.eye(2)
+    return float(off @ np.linalg.solve(cov, off))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -74,6 +74,7 @@ class Prediction(NamedTuple):
     odometry_pose: Pose | None  # (3,): pose of the sensor at this scan by another odometry
     recovery: Cov  # (3, 3): how much farther from there the sensor may be once a match failed or contradicts
     reach: float  # metres, standard deviation: how far from there it gets since the last match, if it moves at once
+    onward: Pose  # (3,): how much farther it is, where scans are missing in between
     is_missed: bool = False  # whether that is taken not to have been updated since the last scan
 
 
@@ -126,6 +127,7 @@ class MotionModel(NamedTuple):
             odometry_pose=odometry_pose,
             recovery=self.config.recovery_covariance(pose, seconds),
             reach=min(self.config.recovery_speed * seconds, _LONGEST_STEP) + math.hypot(pose[0], pose[1]),
+            onward=(stretch - 1.0) * pose,
             is_missed=is_missed,
         )
 
