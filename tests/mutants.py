@@ -152,7 +152,7 @@ NAMED = (
     _named(
         "a rejected match keeps its small covariance",
         "odometry/measurement.py",
-        "expected.cov + recovery",
+        "expected.cov + prediction.recovery",
         "expected.cov",
         "odometry/test_gating.py",
     ),
