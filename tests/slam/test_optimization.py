@@ -74,3 +74,22 @@ def test_an_anchored_pose_stays_where_it_is() -> None:
     found = optimize(start, edges, np.ones(len(edges.ends)), np.array([5]), Elimination.of(edges.ends, 12))
     assert found[5] == pytest.approx(start[5], abs=1e-12)
     assert not np.allclose(found[0], start[0], atol=1e-4)
+
+
+@pytest.mark.parametrize(("n", "away"), [(12, (13.0, 0.0, 0.05)), (40, (13.0, -5.0, 1.0))])
+def test_parts_that_little_ties_are_not_led_astray_by_an_old_factorization(n: int, away: tuple[float, ...]) -> None:
+    """Two chains that one step of hardly any weight ties; closures of the second are off by 13 m."""
+    turn = np.full(2 * n, 0.12).cumsum()
+    poses = np.column_stack((0.5 * np.cos(turn).cumsum(), 0.5 * np.sin(turn).cumsum(), se2.wrap(turn)))
+    chains = [(a + k, a + k + d) for a in (0, n) for d in (1, 2, 3) for k in range(n - d)]
+    false = [(n + k, 2 * n - 1 - k) for k in range(4)]
+    ends = np.array([(n - 1, n), *chains, *false])
+    measured = se2.between(poses[ends[:, 0]], poses[ends[:, 1]])
+    measured[-4:] = se2.compose(measured[-4:], np.array(away))
+    edges = Edges.of(ends, measured, np.tile(np.diag([0.006**2, 0.006**2, 0.002**2]), (len(ends), 1, 1)))
+    weights, order = np.where(np.arange(len(ends)) == 0, 1e-4, 1.0), Elimination.of(ends, 2 * n)
+    found = [poses]
+    for _ in range(6):
+        found.append(optimize(found[-1], edges, weights, _ANCHOR, order))
+    first, *_, last = (float(weights @ squared_distances(one, edges)) for one in found[1:])
+    assert first == pytest.approx(last, rel=1e-3)

@@ -54,8 +54,10 @@ def optimize(
         if longest > _SHORT:
             blocks = factorized(indptr, rows, edges.ends, jacobians, weighted, is_held)
         step = solved(indptr, rows, blocks, -gradient)
-        poses = poses + step
-        longest = np.abs(step).max(initial=0.0)
+        if not np.abs(step).max(initial=0.0) <= longest:  # an old one: where little ties two parts it leads astray
+            blocks = factorized(indptr, rows, edges.ends, jacobians, weighted, is_held)
+            step = solved(indptr, rows, blocks, -gradient)
+        poses, longest = poses + step, np.abs(step).max(initial=0.0)
         if not longest > tolerance:
             break
     poses[:, 2] = se2.wrap(poses[:, 2])
