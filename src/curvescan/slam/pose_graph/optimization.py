@@ -19,7 +19,7 @@ from curvescan.slam.pose_graph.cholesky import Elimination, factorized, inverse_
 from curvescan.types import Cov, Floats, Ints, Pose
 
 _SHORT = 0.1
-"""Metres and radians: after a step no longer than this the factorization of the information matrix is used again."""
+"""Metres and radians: after a step no longer than this the factorization serves again, unless the next is longer."""
 
 
 class Edges(NamedTuple):
@@ -54,7 +54,7 @@ def optimize(
         if longest > _SHORT:
             blocks = factorized(indptr, rows, edges.ends, jacobians, weighted, is_held)
         step = solved(indptr, rows, blocks, -gradient)
-        if not np.abs(step).max(initial=0.0) <= longest:  # an old one: where little ties two parts it leads astray
+        if longest <= _SHORT and not np.abs(step).max(initial=0.0) <= longest:  # where little ties parts
             blocks = factorized(indptr, rows, edges.ends, jacobians, weighted, is_held)
             step = solved(indptr, rows, blocks, -gradient)
         poses, longest = poses + step, np.abs(step).max(initial=0.0)
