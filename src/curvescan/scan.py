@@ -166,9 +166,7 @@ class LaserScan:
     @cached_property
     def valid(self) -> Bools:
         """(n,) mask of the readings that are measurements: positive, within the range limits and 10 km."""
-        # comparisons with NaN are False; an infinite range_max does not make +inf a measurement, nor a range_min of 0
-        # a range of 0
-        least, most = max(self.range_min, _TINY), min(self.range_max, _FARTHEST)
+        least, most = valid_range(self)  # comparisons with NaN are False
         return (self.ranges >= least) & (self.ranges <= most)
 
     @property
@@ -204,6 +202,12 @@ class LaserScan:
         if self.has_uniform_angles:
             return step * (len(self) + 1.5) >= 2.0 * math.pi
         return float(abs(self.angles[-1] - self.angles[0])) + 2.5 * step >= 2.0 * math.pi
+
+
+def valid_range(scan: LaserScan) -> tuple[float, float]:
+    """Return the least and the greatest range that is a measurement of a scan, metres."""
+    # an infinite range_max does not make +inf a measurement, nor a range_min of 0 a range of 0
+    return max(scan.range_min, _TINY), min(scan.range_max, _FARTHEST)
 
 
 def mirrored(scan: LaserScan) -> LaserScan:

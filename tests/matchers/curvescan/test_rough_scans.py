@@ -11,6 +11,7 @@ import curvescan as cs
 from curvescan.matchers.curvescan.config import SegmentsConfig
 from curvescan.matchers.curvescan.features.range_image import place_in, reading_at, reading_beside
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
+from curvescan.scan import valid_range
 from curvescan.simulation import SENSORS, simulate_pairs
 from tests.matchers.curvescan.scenes import features
 from tests.reference import curvescan as slow
@@ -97,8 +98,8 @@ def test_noise_does_not_cut_a_wall_into_pieces():
         # across the wall the directions stay known: the arm grows with the noise
         assert np.abs(one.image.surfels[:, 6]).mean() < 0.2
     scan, config = wall(0.05), SegmentsConfig()  # by the jump of a scan without noise
-    beams = scan.ranges, scan.directions, scan.valid, scan.angles[:0]
-    sweep = Sweep(*beams, scan.angle_increment, is_clockwise=False, is_closed=False)
+    beams = scan.ranges, valid_range(scan), scan.directions, scan.angles
+    sweep = Sweep(*beams, scan.angle_increment, is_even=True, is_clockwise=False, is_closed=False)
     assert len(ordered_readings(sweep, config.incidence_limit, config.jump)[2]) - 1 > 5
 
 
@@ -119,7 +120,7 @@ def test_the_reading_beside_is_that_of_the_second_nearest_beam(n_beams):
             continue
         point = (np.cos(angle), np.sin(angle))
         nearest = reading_at(*point, one.image)
-        beside = reading_beside(place_in(*point, *one.image.azimuth[:2]), one.image, nearest)
+        beside = reading_beside(place_in(*point, one.image.azimuth_min, one.image.slots_a_radian), one.image, nearest)
         if n_beams != 361 or beside >= 0:
             assert beside == slow.beside(np.array(point), scan.angles, by_beam)
             n_told += 1

@@ -11,13 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import inlined, kernel
-from curvescan.matchers.curvescan.features.range_image import (
-    AZIMUTH_MIN,
-    SLOTS_A_RADIAN,
-    RangeImage,
-    place_in,
-    reading_in,
-)
+from curvescan.matchers.curvescan.features.range_image import RangeImage, place_in, reading_in
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, X, Y
 from curvescan.types import Floats
 
@@ -111,7 +105,7 @@ def project_into(placed: Floats, surfels: Floats, motion: Motion, image: RangeIm
     """
     for i in range(surfels.shape[0]):
         placed[X_THERE, i], placed[Y_THERE, i] = projected(surfels, i, motion)
-    azimuth_min, slots_a_radian = image.azimuth[AZIMUTH_MIN], image.azimuth[SLOTS_A_RADIAN]
+    azimuth_min, slots_a_radian = image.azimuth_min, image.slots_a_radian
     for i in range(surfels.shape[0]):
         placed[PLACE, i] = place_in(placed[X_THERE, i], placed[Y_THERE, i], azimuth_min, slots_a_radian)
 

@@ -17,7 +17,7 @@ from curvescan.matchers.curvescan.assessment.evidence import gather_evidence
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import SAME
 from curvescan.matchers.curvescan.features.features import N_WIDE, CurvescanFeatures
-from curvescan.matchers.curvescan.features.range_image import RangeImage, choose_samples
+from curvescan.matchers.curvescan.features.range_image import choose_samples, with_samples
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, X, Y
 from curvescan.matchers.curvescan.prior import Prior, log_odds
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, FINE, select
@@ -117,13 +117,12 @@ def refine_and_weigh(
     be enough.
     """
     one, other = ref.image, cur.image
-    all_one = RangeImage(one.surfels, one.surfels, one.azimuth, one.table)
-    all_other = RangeImage(other.surfels, other.surfels, other.azimuth, other.table)
+    all_one, all_other = with_samples(one, one.surfels), with_samples(other, other.surfels)
     tolerance, slope, n_kept, n_first, min_difference, n_wide = limits
     final = refine(refine(poses, one, other, schedules[0]), all_one, all_other, schedules[1])
     if len(poses) > 1:
-        one = RangeImage(choose_samples(one.surfels, n_wide), one.surfels, one.azimuth, one.table)
-        other = RangeImage(choose_samples(other.surfels, n_wide), other.surfels, other.azimuth, other.table)
+        one = with_samples(one, choose_samples(one.surfels, n_wide))
+        other = with_samples(other, choose_samples(other.surfels, n_wide))
     final, scores = select(final, one, other, tolerance, slope, n_kept, n_first, min_difference)
     evidence, compared = gather_evidence(ref, cur, final, rules[0])
     priors, wide_priors = log_odds(final, prior)

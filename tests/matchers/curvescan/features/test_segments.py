@@ -11,6 +11,7 @@ import pytest
 import curvescan as cs
 from curvescan.matchers.curvescan.config import SegmentsConfig
 from curvescan.matchers.curvescan.features.segments import MAX_GAP, Sweep, ordered_readings
+from curvescan.scan import valid_range
 from tests.matchers.curvescan.scenes import pillar_scan
 from tests.reference import curvescan as slow
 
@@ -21,10 +22,11 @@ def run_sweep(scan, told_by_angles=False):
     return ordered_readings(
         Sweep(
             scan.ranges,
+            valid_range(scan),
             scan.directions,
-            scan.valid,
-            scan.angles if told_by_angles else scan.angles[:0],
+            scan.angles,
             abs(scan.angle_increment),
+            not told_by_angles,
             scan.angle_increment < 0,
             scan.is_full_circle,
         ),

@@ -6,8 +6,6 @@ import math
 from functools import cached_property
 from typing import NamedTuple
 
-import numpy as np
-
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.landmarks import Landmarks, find_landmarks
@@ -15,7 +13,7 @@ from curvescan.matchers.curvescan.features.objects import Objects, find_objects
 from curvescan.matchers.curvescan.features.range_image import RangeImage, azimuth_table, choose_samples
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
 from curvescan.matchers.curvescan.features.surfels import NX, NY, X, Y, fit_lines, fit_surfels
-from curvescan.scan import LaserScan
+from curvescan.scan import LaserScan, valid_range
 from curvescan.types import Floats, Ints
 
 N_WIDE = 192  # readings of each scan where poses that are nearly as good as each other are compared
@@ -63,28 +61,22 @@ class CurvescanFeatures(Surfaces):
 
 def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatures:
     """Return the features of a scan, also of one without a valid reading."""
-    n, step = len(scan), abs(scan.angle_increment)
-    is_clockwise, is_closed, is_even = scan.angle_increment < 0.0, scan.is_full_circle, scan.has_uniform_angles
-    segments = config.segments
-    angles = scan.angles[:0] if is_even else scan.angles
-    beam_idx, bounds, surfels, few, objects = extract(
-        Sweep(scan.ranges, scan.directions, scan.valid, angles, step, is_clockwise, is_closed),
-        (segments.incidence_limit, segments.jump, segments.arm, segments.range_sigma_min),
-        config.scoring.n_samples,
+    step, segments, is_closed = scan.angle_increment, config.segments, scan.is_full_circle
+    is_even, beams = scan.has_uniform_angles, (scan.directions, scan.angles)
+    features = CurvescanFeatures._make(
+        extract(
+            Sweep(scan.ranges, valid_range(scan), *beams, abs(step), is_even, step < 0.0, is_closed),
+            (segments.incidence_limit, segments.jump, segments.arm, segments.range_sigma_min),
+            config.scoring.n_samples,
+        )
     )
-    table, density = azimuth_table(beam_idx, scan.angles, step, is_even, is_clockwise, is_closed)
-    angle_min = float(scan.angles[-1 if is_clockwise else 0]) if n else 0.0
-    azimuth = np.array([math.remainder(angle_min, 2.0 * math.pi), density, density * step])
-    features = CurvescanFeatures(n, beam_idx, bounds, objects, RangeImage(few, surfels, azimuth, table))
     features.is_closed = is_closed
     return features
 
 
 @kernel
-def extract(
-    sweep: Sweep, lengths: tuple[float, float, float, float], n_samples: int
-) -> tuple[Ints, Ints, Floats, Floats, Objects]:
-    """Return beams, bounds, surfels, samples and objects.
+def extract(sweep: Sweep, lengths: tuple[float, float, float, float], n_samples: int) -> Surfaces:
+    """Return the surfels and the range image of a scan.
 
     What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
     depends on the noise, which is estimated from the lines: where it is large, segments and lines are found anew with
@@ -99,4 +91,9 @@ def extract(
         beam_idx, readings, bounds = ordered_readings(sweep, incidence_limit, jump)
         fits, sigma = fit_lines(readings, bounds, arm, sigma_min)
     surfels = fit_surfels(readings, fits, sweep.step, sigma)
-    return beam_idx, bounds, surfels, choose_samples(surfels, n_samples), find_objects(surfels, bounds)
+    angles, step, is_clockwise = sweep.angles, sweep.step, sweep.is_clockwise
+    table, density = azimuth_table(beam_idx, angles, step, sweep.is_even, is_clockwise, sweep.is_closed)
+    first = angles[angles.size - 1 if is_clockwise else 0] if angles.size > 0 else 0.0
+    first -= 2.0 * math.pi * round(first / (2.0 * math.pi))
+    image = RangeImage(choose_samples(surfels, n_samples), surfels, table, first, density, density * step)
+    return Surfaces(angles.size, beam_idx, bounds, find_objects(surfels, bounds), image)

@@ -17,13 +17,19 @@ class RangeImage(NamedTuple):
 
     samples: Floats  # (p, 11): surfels that are compared with the other scan: a few that stand for all, or all
     surfels: Floats  # (m, 11): surfels that the other scan is compared with: all
-    # (3,): direction of slot 0 of the table, radians in (-pi, pi], slots a radian, slots between neighbouring beams:
-    # AZIMUTH_MIN to SLOTS_A_BEAM
-    azimuth: Floats
     table: Ints  # (n_slots,): reading in each direction, see :func:`azimuth_table`
+    azimuth_min: float  # direction of slot 0 of the table, radians in [-pi, pi]
+    # slots for a radian, and between neighbouring beams
+    slots_a_radian: float
+    slots_a_beam: float
 
 
-AZIMUTH_MIN, SLOTS_A_RADIAN, SLOTS_A_BEAM = range(3)  # columns of `azimuth`
+@inlined
+def with_samples(image: RangeImage, samples: Floats) -> RangeImage:
+    """Return a range image with other samples."""
+    return RangeImage(samples, image.surfels, image.table, image.azimuth_min, image.slots_a_radian, image.slots_a_beam)
+
+
 # Slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step. An even one
 # has a slot for each beam.
 _SLOTS_A_STEP = 4
@@ -121,7 +127,7 @@ def place_in(x: float, y: float, azimuth_min: float, slots_a_radian: float) -> f
 @inlined
 def reading_in(place: float, image: RangeImage) -> int:
     """Return the reading in the slot of a place, or a negative number as in the azimuth table."""
-    turn = 2.0 * math.pi * image.azimuth[SLOTS_A_RADIAN]
+    turn = 2.0 * math.pi * image.slots_a_radian
     if place < 0.0:
         place += turn
     elif place >= turn:
@@ -133,13 +139,13 @@ def reading_in(place: float, image: RangeImage) -> int:
 @inlined
 def reading_at(x: float, y: float, image: RangeImage) -> int:
     """Return the reading that a scan has in the direction of (x, y), or a negative number as in its azimuth table."""
-    return reading_in(place_in(x, y, image.azimuth[AZIMUTH_MIN], image.azimuth[SLOTS_A_RADIAN]), image)
+    return reading_in(place_in(x, y, image.azimuth_min, image.slots_a_radian), image)
 
 
 @inlined
 def reading_beside(place: float, image: RangeImage, nearest: int) -> int:
     """Return the reading of the two beams on either side of a place that is not the nearest, or a negative number."""
-    half = 0.5 * image.azimuth[SLOTS_A_BEAM]
+    half = 0.5 * image.slots_a_beam
     before = reading_in(place - half, image)
     return before if before != nearest else reading_in(place + half, image)
 

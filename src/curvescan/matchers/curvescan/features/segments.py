@@ -34,10 +34,11 @@ class Sweep(NamedTuple):
     """What a scan saw, as the kernels take it."""
 
     ranges: Floats  # (n,): metres
+    valid_range: tuple[float, float]  # the least and the greatest that is a measurement
     directions: Points  # (n, 2): unit vectors of the beams
-    valid: Bools  # (n,): which readings are measurements
-    angles: Floats  # (n,): direction of each beam, radians, where these are not evenly spaced; empty where they are
+    angles: Floats  # (n,): direction of each beam, radians
     step: float  # from a beam to the next, radians, > 0
+    is_even: bool  # whether all steps are alike
     is_clockwise: bool
     is_closed: bool  # whether the last beam neighbours the first
 
@@ -94,12 +95,13 @@ def widest_gap(turn: float, incidence_limit: float) -> float:
 def break_order(sweep: Sweep, incidence_limit: float, jump: float) -> tuple[Ints, Bools]:
     """Return (m,) the beams with readings, counter-clockwise, and (m,) whether a surface begins at each of them."""
     ranges, directions, angles, step = sweep.ranges, sweep.directions, sweep.angles, sweep.step
+    least, most = sweep.valid_range
     n = ranges.size
     m = 0
     order = np.empty(n, dtype=np.int64)
     for i in range(n):
         k = n - 1 - i if sweep.is_clockwise else i
-        if sweep.valid[k]:
+        if least <= ranges[k] <= most:
             order[m] = k
             m += 1
     breaks = np.empty(m, dtype=np.bool_)
@@ -117,7 +119,7 @@ def break_order(sweep: Sweep, incidence_limit: float, jump: float) -> tuple[Ints
                 continue
             skipped = n - skipped
         turn = skipped * step
-        if angles.size > 0:
+        if not sweep.is_even:
             turn = abs(angles[b] - angles[a])
             turn = max(2.0 * math.pi - turn, 0.0) if i == 0 else turn
             skipped = int(turn / step + 0.5)
@@ -126,7 +128,7 @@ def break_order(sweep: Sweep, incidence_limit: float, jump: float) -> tuple[Ints
         near = min(ranges[a], ranges[b])
         dx = ranges[b] * directions[b, 0] - ranges[a] * directions[a, 0]
         dy = ranges[b] * directions[b, 1] - ranges[a] * directions[a, 1]
-        widest = slope[skipped] if angles.size == 0 else widest_gap(turn, incidence_limit)
+        widest = slope[skipped] if sweep.is_even else widest_gap(turn, incidence_limit)
         limit = near * widest + jump
         breaks[i] = dx * dx + dy * dy > limit * limit
     return order[:m], breaks
