@@ -250,7 +250,7 @@ class Table:
             self.names.append(name)
             self.terms.append(terms)
             self.right.append(_right(assessed, rows, true, near))
-            self.flagged.append(bool(assessed.is_degenerate.any()))
+            self.flagged.append(any(assessed.is_degenerate))
             self.confidence.append(support.probabilities(assessed.ties)[0])
             is_alone = set(support.repeated) <= set(assessed.ties)
             self.is_repeated.append(not is_alone or weighed.may_be_turned)

@@ -129,7 +129,6 @@ class LaserScan:
 
     def _beams_given(self) -> Beams:
         n = len(self)
-        is_gridded = self.angle_min is not None or self.angle_increment is not None
         if self.angles is None:
             if self.angle_min is None or self.angle_increment is None:
                 raise InvalidArgumentError(
@@ -141,7 +140,7 @@ class LaserScan:
         angles = _read_only_row(self.angles, "angles")
         if angles.size != n:
             raise InvalidArgumentError(f"angles must have one value a beam ({n}), got {angles.size}")
-        if not is_gridded:
+        if self.angle_min is None and self.angle_increment is None:
             return beams_at(angles)
         # dataclasses.replace hands all fields on: the same directions said twice are no contradiction
         if self.angle_min is not None and self.angle_increment is not None:
@@ -166,8 +165,12 @@ class LaserScan:
     @cached_property
     def valid(self) -> Bools:
         """(n,) mask of the readings that are measurements: positive, within the range limits and 10 km."""
-        least, most = valid_range(self)  # comparisons with NaN are False
-        return (self.ranges >= least) & (self.ranges <= most)
+        return (self.ranges >= self.valid_range[0]) & (self.ranges <= self.valid_range[1])  # False of NaN
+
+    @property
+    def valid_range(self) -> tuple[float, float]:
+        """Least and greatest range that is a measurement, metres: neither 0 nor infinite, whatever the limits are."""
+        return max(self.range_min, _TINY), min(self.range_max, _FARTHEST)
 
     @property
     def has_uniform_angles(self) -> bool:
@@ -199,15 +202,8 @@ class LaserScan:
         degree all close the circle.
         """
         step = abs(self.angle_increment)
-        if self.has_uniform_angles:
-            return step * (len(self) + 1.5) >= 2.0 * math.pi
-        return float(abs(self.angles[-1] - self.angles[0])) + 2.5 * step >= 2.0 * math.pi
-
-
-def valid_range(scan: LaserScan) -> tuple[float, float]:
-    """Return the least and the greatest range that is a measurement of a scan, metres."""
-    # an infinite range_max does not make +inf a measurement, nor a range_min of 0 a range of 0
-    return max(scan.range_min, _TINY), min(scan.range_max, _FARTHEST)
+        span = step * (len(self) - 1) if self.has_uniform_angles else abs(float(self.angles[-1] - self.angles[0]))
+        return span + 2.5 * step >= 2.0 * math.pi
 
 
 def mirrored(scan: LaserScan) -> LaserScan:

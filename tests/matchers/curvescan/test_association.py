@@ -36,7 +36,9 @@ def test_a_reading_falls_on_the_reading_in_its_direction(way):
         x, y = cs.se2.transform(towards, surfels[i, [X, Y]])
         found = associate(placed, i, other.image)
         assert (found.x, found.y) == pytest.approx((x, y), abs=_ROUNDING)
-        assert found.place == pytest.approx(place_in(x, y, *other.image.azimuth[:2]), abs=1e-6)
+        assert found.place == pytest.approx(
+            place_in(x, y, other.image.azimuth_min, other.image.slots_a_radian), abs=1e-6
+        )
         assert found.j == reading_at(found.x, found.y, other.image)
         if found.j < 0:
             assert found.across == found.along == 0.0

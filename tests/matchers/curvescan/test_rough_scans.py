@@ -11,7 +11,6 @@ import curvescan as cs
 from curvescan.matchers.curvescan.config import SegmentsConfig
 from curvescan.matchers.curvescan.features.range_image import place_in, reading_at, reading_beside
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
-from curvescan.scan import valid_range
 from curvescan.simulation import SENSORS, simulate_pairs
 from tests.matchers.curvescan.scenes import features
 from tests.reference import curvescan as slow
@@ -98,7 +97,7 @@ def test_noise_does_not_cut_a_wall_into_pieces():
         # across the wall the directions stay known: the arm grows with the noise
         assert np.abs(one.image.surfels[:, 6]).mean() < 0.2
     scan, config = wall(0.05), SegmentsConfig()  # by the jump of a scan without noise
-    beams = scan.ranges, valid_range(scan), scan.directions, scan.angles
+    beams = scan.ranges, scan.valid_range, scan.directions, scan.angles
     sweep = Sweep(*beams, scan.angle_increment, is_even=True, is_clockwise=False, is_closed=False)
     assert len(ordered_readings(sweep, config.incidence_limit, config.jump)[2]) - 1 > 5
 

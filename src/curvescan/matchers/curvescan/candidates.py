@@ -39,7 +39,9 @@ def refine_candidates(problem: Problem, found: Candidates) -> tuple[WeighedPoses
     None where no pose finds enough support.
     """
     ref = problem.reference
-    weighed, assessment = look_closer(problem, found.poses[found.scores > CONTESTED * found.scores[:1]])
+    scores = found.scores.tolist()
+    contested = [k for k, score in enumerate(scores) if score > CONTESTED * scores[0]]
+    weighed, assessment = look_closer(problem, found.poses[contested])
     if assessment is not None:
         is_weak = assessment.is_weakly_observable(problem.config.information)
         if is_weak or weighed.is_one_way:
@@ -79,7 +81,7 @@ def direction_of_walls(ref: CurvescanFeatures, assessment: Assessment) -> Pose:
 
 def with_places_along(problem: Problem, poses: Floats, weakest: Pose) -> Floats:
     """Return the poses, and the best of those along the weakest direction of the first."""
-    ref, cur, _, config = problem
+    ref, cur, _, config, _ = problem
     n = round(config.hypotheses.along_reach / _FINE_STEP)
     offsets = np.arange(-n, n + 1) * _FINE_STEP
     moved_along = poses[0] + offsets[:, np.newaxis] * weakest
@@ -90,14 +92,13 @@ def with_places_along(problem: Problem, poses: Floats, weakest: Pose) -> Floats:
 
 def look_closer(problem: Problem, poses: Floats) -> tuple[WeighedPoses, Assessment | None]:
     """Return poses refined on all readings, the best first, and what the scans say of it; None where that is little."""
-    ref, cur, prior, config = problem
-    schedules = np.array(config.refinement.closer, dtype=float), EXACTLY
-    *found, known = refine_and_weigh(poses, ref, cur, prior, schedules, limits_of(config), _FINISH)
-    best = WeighedPoses(*found).best_first()
+    ref, cur, prior, config, effort = problem
+    *found, known = refine_and_weigh(poses, ref, cur, prior, (effort.closer, EXACTLY), limits_of(config), _FINISH)
+    weighed = WeighedPoses(*found)
+    best = weighed.best_first()
     if not len(known.codes_ref):
         return best, None
-    is_known = best.poses[0].tolist() == found[0][0].tolist()  # np.array_equal takes ten times as long
-    return best, known if is_known else assess_pose(ref, cur, best.poses[0], config)
+    return best, known if best is weighed else assess_pose(ref, cur, best.poses[0], config)
 
 
 @kernel
@@ -127,8 +128,8 @@ def refine_and_weigh(
     evidence, compared = gather_evidence(ref, cur, final, rules[0])
     priors, wide_priors = log_odds(final, prior)
     if is_hopeless(evidence, priors, wide_priors):
-        nothing, no_codes = np.empty((0, 0)), compared[0][:0]
-        known = Assessment(no_codes, no_codes, 0, 0, priors, nothing, priors, np.empty(0, dtype=np.bool_))
+        none, no_codes = np.empty((0, 0)), compared[0][:0]
+        known = Assessment(no_codes, no_codes, 0, 0, (0.0, 0.0, 0.0), none, priors, (True, True, True))
     else:
         known = assess(ref, cur, final[0], compared, rules)
     return final, scores, evidence, priors, wide_priors, known

@@ -19,6 +19,7 @@ from curvescan.matchers.curvescan.assessment.assessment import (
 )
 from curvescan.matchers.curvescan.assessment.confidence import ANY, WeighedPoses
 from curvescan.matchers.curvescan.assessment.evidence import SMALL, extent
+from curvescan.matchers.curvescan.assessment.information import Open
 from curvescan.matchers.curvescan.candidates import direction_of_walls
 from curvescan.matchers.curvescan.config import NEAR, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
@@ -28,7 +29,7 @@ from curvescan.matchers.curvescan.proposal.scoring import FINE, agreement_lost, 
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.result import NO_COVARIANCE, NO_INFORMATION, Candidate, Outcome
-from curvescan.types import Bools, Cov, Floats, Pose
+from curvescan.types import Cov, Floats, Pose
 
 # (3, 3): the information on a pose, zero along what is open, and its covariance, wide there.
 Known: TypeAlias = tuple[Cov, Cov]
@@ -50,8 +51,7 @@ class AssessedPose(NamedTuple):
     """The best candidate without what moved, and what the scans say of it."""
 
     weighed: WeighedPoses  # it, and the other candidates
-    # (3,): principal directions of the information that the scans leave open, the least informed first
-    is_degenerate: Bools
+    is_degenerate: Open  # which principal directions of the information the scans leave open, the least informed first
     # rows of the candidates that may be right as well and differ by a motion along the least informed direction
     ties: list[int]
     assessment: Assessment | None = None  # of the first; None where too few readings agree
@@ -64,23 +64,23 @@ class AssessedPose(NamedTuple):
 
 def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | None) -> AssessedPose:
     """Return the best candidate refined without what moved, the directions left open there, and what supports it."""
-    ref, cur, _, config = problem
+    ref, cur, _, config, _ = problem
     if assessment is not None and assessment.n_dynamic:
         poses, assessment = without_dynamic(ref, cur, weighed.poses, assessment, config)
         weighed = replace(weighed, poses=poses)
     if assessment is None or not assessment.is_enough(config.scoring):
-        return AssessedPose(weighed=weighed, is_degenerate=np.ones(3, dtype=np.bool_), ties=[])
+        return AssessedPose(weighed=weighed, is_degenerate=(True, True, True), ties=[])
     poses = weighed.poses
-    is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
-    if is_degenerate[0]:
+    is_open, second, third = degenerate_directions(ref, cur, poses[0], assessment, config)
+    if is_open:
         # where the scans leave a direction open, the prior decides along it: it is not held against the pose
         slid = problem.prior.nearest_along(poses[0], assessment.weakest, config.hypotheses.along_reach)
         priors, wide_priors = log_odds(np.vstack((slid, poses[1:])), problem.prior)
         weighed = replace(weighed, priors=priors, wide_priors=wide_priors)
     walls = direction_of_walls(ref, assessment) if weighed.is_one_way else None
-    along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), walls, config)
+    along = along_weakest_direction(poses, assessment, is_open, walls, config)
     least = assessment.as_good(config.information) * weighed.scores[0]
-    is_flat = bool(is_degenerate[0]) or (
+    is_flat = is_open or (
         assessment.is_weakly_observable(config.information) and any(weighed.scores[k] > least for k in along)
     )
     others = [k for k in range(1, len(poses)) if distance(poses[k], poses[0]) > NEAR and not (is_flat and k in along)]
@@ -88,7 +88,7 @@ def assess(problem: Problem, weighed: WeighedPoses, assessment: Assessment | Non
     ties = [k for k in along if weighed.scores[k] > least] if is_flat else ties_of(support, along, config)
     if walls is not None:
         ties = [k for k in along if k in ties or weighed.is_as_likely(k)]
-    is_degenerate[0] |= is_flat or len(ties) > 0
+    is_degenerate = is_flat or len(ties) > 0, second, third
     return AssessedPose(
         weighed=weighed,
         assessment=assessment,
@@ -131,9 +131,9 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> tuple[Outcome, flo
     A candidate along a degenerate direction does not compete: the covariance holds it.
     """
     assessment, support = assessed.assessment, assessed.support
-    ref, cur, _, config = problem
+    ref, cur, _, config, _ = problem
     least = config.scoring.min_confidence
-    if assessment is None or support is None or all(assessed.is_degenerate.tolist()):
+    if assessment is None or support is None or all(assessed.is_degenerate):
         return Outcome.UNSUPPORTED, 0.0
     accept, unsupported = support.probabilities(assessed.ties)
     is_alone = set(support.repeated) <= set(assessed.ties)
@@ -184,13 +184,12 @@ def competing_poses(problem: Problem, assessed: AssessedPose, placed: Assessment
     support, first = assessed.support, assessed.assessment
     if support is None or first is None:
         return ()
-    direction = (placed or first).weakest
-    sigma = sigma_along(problem, assessed, first, direction) if assessed.is_degenerate[0] else None
+    sigma = sigma_along(problem, assessed, first, (placed or first).weakest) if assessed.is_degenerate[0] else None
     poses, rules = assessed.weighed.poses, problem.config.information
     known = assessed.known
     if sigma is not None:
-        sure = first._replace(information=np.array([sigma**-2, *first.information[1:]]))
-        known = sure.matrices(np.zeros(3, dtype=np.bool_), rules)
+        sure = first._replace(information=(sigma**-2, *first.information[1:]))
+        known = sure.matrices((False, False, False), rules)
     candidates, found, is_open, log_odds = [], first, assessed.is_degenerate, support.log_odds
     for row in [0, *sorted(support.rivals, key=lambda row: -support.rivals[row])][:_MAX_CANDIDATES]:
         if row:
@@ -215,7 +214,7 @@ def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, dir
     It is where both scans see less agreement some way along. Near a guess the best place is not looked for.
     """
     rules, images = problem.config.information, (problem.reference.image, problem.current.image)
-    if assessed.is_degenerate[1:].any() or math.hypot(*direction[:2]) <= _LEAST_SHIFT:
+    if any(assessed.is_degenerate[1:]) or math.hypot(*direction[:2]) <= _LEAST_SHIFT:
         return None
     if problem.prior.is_told and (assessed.ties or first.is_open[0]):
         return None
@@ -241,13 +240,12 @@ def move_to_guess(problem: Problem, pose: Pose, assessment: Assessment) -> tuple
     Where motion along it is unobservable, the pose lies anywhere; and as the direction itself is known to a few
     milliradians only, half a metre along it that is added afterwards would turn the pose by as much.
     """
-    ref, cur, prior, config = problem
+    ref, cur, prior, config, effort = problem
     along = assessment.weakest * _ARMS
     offset = np.array(difference(prior.pose, pose)) * _ARMS
     distance_along = float(along @ offset) / float(along @ along)
     moved_along = pose + distance_along * assessment.weakest
-    schedule = np.array(config.refinement.closer, dtype=float)
-    moved_along = refine(moved_along[np.newaxis], ref.full_image, cur.full_image, schedule)
+    moved_along = refine(moved_along[np.newaxis], ref.full_image, cur.full_image, effort.closer)
     images = ref.wide_image, cur.wide_image
     before, after = (select(one, *images, *FINE, 1, 4096, 0.0)[1] for one in (pose[np.newaxis], moved_along))
     if not len(after) or after[0] < _SHARE * before[0]:

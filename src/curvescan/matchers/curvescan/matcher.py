@@ -59,13 +59,13 @@ class CurvescanMatcher:
         The pose of a narrow prior is tried first. Where the scans do not match there, or little agrees, it is one more
         hypothesis. A prior also decides between poses that explain the scans as well as each other.
         """
-        problem = Problem(reference, current, WIDE if prior is None else Prior.of(prior), self.config)
+        problem = Problem(reference, current, WIDE if prior is None else Prior.of(prior), self.config, self._effort)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
             return replace(judged(problem, NOTHING), outcome=Outcome.NO_SEGMENTS)
-        near, is_likely = at_prior(problem, self._effort)
+        near, is_likely = at_prior(problem)
         if is_likely and (result := judged(problem, near)).ok:
             return result
-        return judged(problem, searched(problem, near, self._effort))
+        return judged(problem, searched(problem, near))
 
 
 def judged(problem: Problem, candidates: Candidates) -> MatchResult:
@@ -88,7 +88,7 @@ def judged(problem: Problem, candidates: Candidates) -> MatchResult:
         trace=CurvescanTrace(reference=ref, current=cur, candidates=candidates, assessed=assessed),
         labels_reference=beam_labels(ref.n_beams, ref.beam_idx, codes[0]),
         labels_current=beam_labels(cur.n_beams, cur.beam_idx, codes[1]),
-        degenerate_direction=assessment.weakest if assessment and any(assessed.is_degenerate.tolist()) else None,
+        degenerate_direction=assessment.weakest if assessment and any(assessed.is_degenerate) else None,
         score=scores[0],
         runner_up=max(scores[1:], default=math.nan),
         confidence=confidence,

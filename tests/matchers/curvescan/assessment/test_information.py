@@ -161,19 +161,19 @@ def test_a_corridor_has_no_information_along_itself():
         assert abs(axes[0, 0]) > 0.98
         assert information[0] < 2.0 * spurious[0] or information[0] < 100.0
         assert information[1] > 1e4
-        _, cov = matrices(information, axes, units, np.array([True, False, False]), 1.0)
+        _, cov = matrices(tuple(information), axes, units, (True, False, False), 1.0)
         assert abs(math.sqrt(cov[0, 0]) - 1.0) < 0.05
         assert math.sqrt(cov[1, 1]) < 0.05
 
 
 def test_an_open_turn_about_a_far_place_widens_the_position():
     axes = np.eye(3)[:, [2, 0, 1]]
-    is_degenerate = np.array([True, False, False])
-    _, plain = matrices(np.array([1.0, 1e6, 1e6]), axes, np.ones(3), is_degenerate, 0.4)
+    is_degenerate = (True, False, False)
+    _, plain = matrices((1.0, 1e6, 1e6), axes, np.ones(3), is_degenerate, 0.4)
     np.testing.assert_allclose(np.diag(plain), [1e-6, 1e-6, 0.16])
     c, s = math.cos(0.6), math.sin(0.6)
     axes = np.array([[s, c, 0.0], [0.0, 0.0, 1.0], [c, -s, 0.0]])
-    _, arc = matrices(np.array([1.0, 1e6, 1e6]), axes, np.ones(3), is_degenerate, 0.4)
+    _, arc = matrices((1.0, 1e6, 1e6), axes, np.ones(3), is_degenerate, 0.4)
     assert arc[1, 1] > 1e-4
     assert np.linalg.eigvalsh(arc).min() > 0
 

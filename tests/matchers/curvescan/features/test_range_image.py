@@ -128,7 +128,7 @@ def test_a_hole_between_uneven_beams_is_out_of_view():
 def test_probes_are_spread_over_the_lengths_of_the_surfaces():
     one = features(pillar_scan(sigma=0.0))
     surfels = one.image.surfels
-    step = 1.0 / one.image.azimuth[1]
+    step = 1.0 / one.image.slots_a_radian
     samples = choose_samples(surfels, 200)
     assert samples.shape == (200, 11)
     facing = np.abs(np.sum(surfels[:, :2] * surfels[:, 5:7], axis=1)) / surfels[:, 2]

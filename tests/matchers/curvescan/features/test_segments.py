@@ -11,7 +11,6 @@ import pytest
 import curvescan as cs
 from curvescan.matchers.curvescan.config import SegmentsConfig
 from curvescan.matchers.curvescan.features.segments import MAX_GAP, Sweep, ordered_readings
-from curvescan.scan import valid_range
 from tests.matchers.curvescan.scenes import pillar_scan
 from tests.reference import curvescan as slow
 
@@ -22,7 +21,7 @@ def run_sweep(scan, told_by_angles=False):
     return ordered_readings(
         Sweep(
             scan.ranges,
-            valid_range(scan),
+            scan.valid_range,
             scan.directions,
             scan.angles,
             abs(scan.angle_increment),

@@ -43,7 +43,9 @@ def slow_score(one, other, pose):
     image = other.image
 
     def beside(point):
-        return reading_beside(place_in(*point, *image.azimuth[:2]), image, reading_at(*point, image))
+        return reading_beside(
+            place_in(*point, image.azimuth_min, image.slots_a_radian), image, reading_at(*point, image)
+        )
 
     return slow.score_samples(one.image.samples, image, lambda p: reading_at(*p, image), beside, pose, 0.05, 0.01)
 

@@ -24,7 +24,7 @@ def prior_at(guess):
 
 
 def search(ref, cur, prior, config, **effort):
-    return searched(Problem(ref, cur, prior, config), NOTHING, effort_of(config)._replace(**effort))
+    return searched(Problem(ref, cur, prior, config, effort_of(config)._replace(**effort)), NOTHING)
 
 
 def off(pose):
@@ -117,8 +117,8 @@ def test_where_the_scans_do_not_match_at_a_likely_prior_a_search_is_made(monkeyp
 def test_a_prior_that_is_not_followed_is_one_more_candidate():
     ref, cur = pair()
     guess = MOTION + np.array([0.0, 0.6, 0.0])
-    problem, effort = Problem(ref, cur, prior_at(guess), CONFIG), effort_of(CONFIG)
+    problem = Problem(ref, cur, prior_at(guess), CONFIG, effort_of(CONFIG))
     alone = search(ref, cur, prior_at(guess), CONFIG)
-    found = searched(problem, at_prior(problem, effort)[0], effort)
+    found = searched(problem, at_prior(problem)[0])
     assert len(found.poses) >= len(alone.poses)
     assert off(found.poses[0]) < 0.01

@@ -12,7 +12,7 @@ import numpy as np
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.confidence import MAX_REPETITION, REGULAR, WeighedPoses
 from curvescan.matchers.curvescan.assessment.evidence import Compared, gather_evidence
-from curvescan.matchers.curvescan.assessment.information import matrices, pose_information
+from curvescan.matchers.curvescan.assessment.information import Open, Row, matrices, pose_information
 from curvescan.matchers.curvescan.assessment.labels import MOVED, mark_moved
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.config import (
@@ -26,7 +26,7 @@ from curvescan.matchers.curvescan.config import (
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.proposal.scoring import FINE, select
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine
-from curvescan.types import Bools, Codes, Cov, Floats, Pose
+from curvescan.types import Codes, Cov, Floats, Pose
 
 # How far along a weak direction the scans are compared, in what it is known to where it just counts as known.
 DOUBLED: Floats = np.array([1.0, 2.0, 4])
@@ -42,11 +42,12 @@ class Assessment(NamedTuple):
     n_inliers: int  # readings of the current scan that agree
     n_dynamic: int  # surfaces that moved as a whole, of both scans
     # information, axes, units: principal directions of the information; see
-    # :func:`curvescan.matchers.curvescan.assessment.information.pose_information`
-    information: Floats
+    # :func:`curvescan.matchers.curvescan.assessment.information.pose_information`. A few numbers that Python compares
+    # are no arrays, which take ten times as long
+    information: Row
     axes: Floats
     units: Floats
-    is_open: Bools  # (3,): of which of them the readings say next to nothing, or no more than tilted lines
+    is_open: Open  # of which of them the readings say next to nothing, or no more than tilted lines
 
     @property
     def weakest(self) -> Pose:
@@ -56,7 +57,7 @@ class Assessment(NamedTuple):
 
     def is_weakly_observable(self, config: InformationConfig) -> bool:
         """Return whether one direction has much less information than the next."""
-        return bool(self.information[0] < config.degenerate_ratio * self.information[1])
+        return self.information[0] < config.degenerate_ratio * self.information[1]
 
     def as_good(self, config: InformationConfig) -> float:
         """Return the share of the score from which on a place along the weakest direction is as good."""
@@ -66,7 +67,7 @@ class Assessment(NamedTuple):
         """Return whether so many readings agree that chance does not explain it."""
         return self.n_inliers >= min(config.min_inliers, len(self.codes_cur) / 3)
 
-    def matrices(self, is_open: Bools, config: InformationConfig) -> tuple[Cov, Cov]:
+    def matrices(self, is_open: Open, config: InformationConfig) -> tuple[Cov, Cov]:
         """Return the (3, 3) information on the pose, zero along what is open, and its covariance, wide there."""
         return matrices(self.information, self.axes, self.units, is_open, config.degenerate_sigma)
 
@@ -150,26 +151,25 @@ def assess(
     information, spurious, axes, units = pose_information(
         ref, scan_ref.objects, partner_ref, cur, scan_cur.objects, partner_cur, pose, least
     )
-    is_open = np.empty(3, dtype=np.bool_)
-    for k in range(3):
-        is_open[k] = information[k] < max(2.0 * spurious[k], least)
-    return Assessment(codes_ref, codes_cur, n_inliers, n_dynamic, information, axes, units, is_open)
+    a, b, c = information
+    is_open = a < max(2.0 * spurious[0], least), b < max(2.0 * spurious[1], least), c < max(2.0 * spurious[2], least)
+    return Assessment(codes_ref, codes_cur, n_inliers, n_dynamic, (a, b, c), axes, units, is_open)
 
 
 def degenerate_directions(
     ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, assessment: Assessment, config: CurvescanConfig
-) -> Bools:
-    """Return (3,) which principal directions the scans leave open, the least informed first.
+) -> Open:
+    """Return which principal directions the scans leave open, the least informed first.
 
     A direction is degenerate when its information does not exceed the spurious information of tilted lines, or is next
     to nothing; and the least informed, if it is weak, also when the scans agree as well some way along it.
     """
-    rules, images, is_degenerate = config.information, (ref.image, cur.image), assessment.is_open.copy()
-    if assessment.is_weakly_observable(rules) and not is_degenerate[0]:
+    rules, images, (is_open, second, third) = config.information, (ref.image, cur.image), assessment.is_open
+    if assessment.is_weakly_observable(rules) and not is_open:
         moved = pose + rules.max_sigma * np.outer(np.append(DOUBLED, -DOUBLED), assessment.weakest)
-        here, beside = (select(one, *images, *FINE, 1, 4096, 0.0)[1][0] for one in (pose[np.newaxis], moved))
-        is_degenerate[0] = beside > assessment.as_good(rules) * here
-    return is_degenerate
+        here, beside = (float(select(one, *images, *FINE, 1, 4096, 0.0)[1][0]) for one in (pose[np.newaxis], moved))
+        is_open = beside > assessment.as_good(rules) * here
+    return is_open, second, third
 
 
 def without_dynamic(

@@ -22,6 +22,7 @@ from curvescan.matchers.curvescan.refinement import N_TRIANGLE, XX, YY, add_squa
 from curvescan.types import Bools, Floats, Ints
 
 Row: TypeAlias = tuple[float, float, float]
+Open: TypeAlias = tuple[bool, bool, bool]
 
 # Columns of the sums: the triangles of the information and of its spurious part, from tilt; the normalised squared
 # residuals, how many there are, the squared distances of the readings from the current sensor.
@@ -229,9 +230,7 @@ def count_free(parts: Floats, is_free_cur: Bools, is_free_ref: Bools) -> int:
 
 
 @kernel
-def matrices(
-    information: Floats, axes: Floats, units: Floats, is_open: Bools, open_sigma: float
-) -> tuple[Floats, Floats]:
+def matrices(information: Row, axes: Floats, units: Floats, is_open: Open, open_sigma: float) -> tuple[Floats, Floats]:
     """Return the (3, 3) information on a pose, zero along its open principal directions, and its covariance.
 
     The covariance, metres and radians, has `open_sigma` along what is open, and nowhere more.

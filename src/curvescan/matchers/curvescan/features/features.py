@@ -13,7 +13,7 @@ from curvescan.matchers.curvescan.features.objects import Objects, find_objects
 from curvescan.matchers.curvescan.features.range_image import RangeImage, azimuth_table, choose_samples
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
 from curvescan.matchers.curvescan.features.surfels import NX, NY, X, Y, fit_lines, fit_surfels
-from curvescan.scan import LaserScan, valid_range
+from curvescan.scan import LaserScan
 from curvescan.types import Floats, Ints
 
 N_WIDE = 192  # readings of each scan where poses that are nearly as good as each other are compared
@@ -65,7 +65,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
     is_even, beams = scan.has_uniform_angles, (scan.directions, scan.angles)
     features = CurvescanFeatures._make(
         extract(
-            Sweep(scan.ranges, valid_range(scan), *beams, abs(step), is_even, step < 0.0, is_closed),
+            Sweep(scan.ranges, scan.valid_range, *beams, abs(step), is_even, step < 0.0, is_closed),
             (segments.incidence_limit, segments.jump, segments.arm, segments.range_sigma_min),
             config.scoring.n_samples,
         )

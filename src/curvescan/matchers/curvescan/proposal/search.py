@@ -37,12 +37,15 @@ class Problem(NamedTuple):
     current: CurvescanFeatures
     prior: Prior  # where the current scan is expected in the reference
     config: CurvescanConfig  # all parameters
+    effort: Effort  # those of them that kernels take
 
 
 class Effort(NamedTuple):
     """How widely poses are looked for; as constants each would make Numba compile the kernels that take it anew."""
 
-    sigmas: Floats  # schedule of a quick refinement
+    # schedules of a quick refinement, and of a closer one
+    sigmas: Floats
+    closer: Floats
     max_tried: int  # places at which walls coincide
     n_rotations: int  # turns by the directions of surfaces
     doubtful_score: float  # as in ScoringConfig
@@ -69,6 +72,7 @@ def effort_of(config: CurvescanConfig) -> Effort:
     hypotheses, scoring = config.hypotheses, config.scoring
     return Effort(
         np.array(config.refinement.quick, dtype=float),
+        np.array(config.refinement.closer, dtype=float),
         hypotheses.max_tried,
         hypotheses.n_rotations,
         scoring.doubtful_score,
@@ -77,17 +81,17 @@ def effort_of(config: CurvescanConfig) -> Effort:
     )
 
 
-def at_prior(problem: Problem, effort: Effort) -> tuple[Candidates, bool]:
+def at_prior(problem: Problem) -> tuple[Candidates, bool]:
     """Return the pose of a prior that tells where it is, refined, and whether it may be right."""
-    ref, cur, prior, _ = problem
+    ref, cur, prior, _, effort = problem
     return refine_guess(ref.image, cur.image, prior, effort) if prior.is_told else (NOTHING, False)
 
 
-def searched(problem: Problem, near: Candidates, effort: Effort) -> Candidates:
+def searched(problem: Problem, near: Candidates) -> Candidates:
     """Return what a search finds, and the pose of the prior, where the search has none beside it."""
-    ref, cur, prior, _ = problem
+    ref, cur, prior, _, effort = problem
     poses, scores, n_tried = search(ref.image, cur.image, ref.landmarks, cur.landmarks, prior.pose, effort)
-    n = int(np.count_nonzero(scores > _LEAST_SCORE))
+    n = sum(score > _LEAST_SCORE for score in scores.tolist())  # NumPy counts four numbers in ten times as long
     poses, scores = poses[:n], scores[:n]
     if len(near.poses) and not any(distance(near.poses[0], pose) < SAME for pose in poses):
         poses, scores = np.concatenate((poses, near.poses)), np.concatenate((scores, near.scores))
