@@ -262,7 +262,7 @@ def chain(scans, *, is_deskewed=True, n_failed=0):
     deskewer = Deskewer()
     reference = reference_scan = None
     for scan in scans:
-        deskewer = deskewer.ticked(scan)
+        deskewer = deskewer.ticked(scan.stamp, scan.scan_time)
         velocity = deskewer.velocity(motion)
         current = cs.prepare(deskew(scan, velocity) if is_deskewed else scan)
         if reference is not None:

@@ -212,7 +212,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "matchers/baselines": (1528, 44, 35),
     "matchers/cfsma": (1101, 15, 17),
     "matchers/curvescan": (3446, 81, 22),
-    "odometry": (1380, 29, 19),
+    "odometry": (1359, 28, 19),
     "paper": (1608, 84, 0),
     "plots": (712, 37, 0),
     "runs": (1205, 13, 0),

@@ -96,7 +96,7 @@ def usual_period(stamps: Sequence[float], scan_time: float = 0.0) -> float:
     forward = [after - before for before, after in pairwise(stamps) if after > before]
     usual = scan_time if scan_time > 0.0 or not forward else median(forward)
     regular = [step for step in forward if _SHORTEST * usual <= step <= _LONGEST * usual]
-    return float(np.mean(regular)) if regular else usual
+    return sum(regular) / len(regular) if regular else usual
 
 
 def n_periods(stamps: Sequence[float], period: float) -> int:

@@ -20,7 +20,7 @@ def seconds_of(stamps, scan_time=0.0):
             time_increment=0.001,
             scan_time=scan_time,
         )
-        deskewer = deskewer.ticked(scan)
+        deskewer = deskewer.ticked(scan.stamp, scan.scan_time)
         seconds.append(deskewer.seconds)
     return seconds
 
@@ -57,3 +57,14 @@ def test_a_laser_that_slows_down_is_followed():
 def test_without_regular_steps_the_scan_says_how_long_it_took():
     assert seconds_of([5.0, 5.0, 5.0], scan_time=0.1) == [0.1] * 3
     assert seconds_of([5.0, 5.0, 5.0]) == [0.0] * 3
+
+
+def test_a_step_is_long_once_the_usual_one_is_known():
+    deskewer = Deskewer()
+    for k in range(10):
+        deskewer = deskewer.ticked(0.1 * k)
+    assert deskewer.ticked(2.9).n_steps == 1  # logs written in bursts begin with any step
+    for k in (10, 11):
+        deskewer = deskewer.ticked(0.1 * k)
+    assert [deskewer.ticked(1.1 + elapsed).n_steps for elapsed in (-0.5, 0.0, 0.14, 0.16, 1.0)] == [1, 1, 1, 2, 10]
+    assert deskewer.ticked(2.1).ticked(3.1).n_steps == 10  # a pause moves it little

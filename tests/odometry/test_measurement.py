@@ -79,7 +79,7 @@ def test_a_score_that_chance_reaches_does_not_count(doubtful):
 @pytest.mark.parametrize(
     ("log_odds", "near", "is_elsewhere"), [(5.0, 1.6, False), (5.0, 1.4, True), (3.0, -0.1, True), (3.0, 0.1, False)]
 )
-def test_a_pose_elsewhere_must_be_far_likelier_than_where_the_motion_leads(log_odds, near, is_elsewhere):
+def test_of_a_doubtful_match_a_pose_elsewhere_must_be_far_likelier(log_odds, near, is_elsewhere):
     """What moves along with the sensor, or against it, explains the scans elsewhere."""
 
     def candidate(x, odds, n_matched):
@@ -95,10 +95,10 @@ def test_a_pose_elsewhere_must_be_far_likelier_than_where_the_motion_leads(log_o
     candidates = candidate(-0.5, log_odds, 200), candidate(0.1, near, 100)
     result = cs.MatchResult(
         method="curvescan",
-        outcome=cs.Outcome.MATCHED,
-        pose=candidates[0].pose,
-        covariance=candidates[0].covariance,
-        n_matched=200,
+        outcome=cs.Outcome.AMBIGUOUS,
+        pose=np.full(3, np.nan),
+        covariance=np.full((3, 3), np.nan),
+        n_matched=0,
         trace=None,
         labels_reference=np.empty(0, dtype=np.uint8),
         labels_current=np.empty(0, dtype=np.uint8),
@@ -113,7 +113,11 @@ def test_a_pose_elsewhere_must_be_far_likelier_than_where_the_motion_leads(log_o
         assert decided.pose[0] == 0.1
         assert decided.score == pytest.approx(0.4)
         assert 0.4 < decided.confidence < 1.0 / (1.0 + math.exp(-near))
-    assert decided_by_expectation(result, expected((-0.5, 0.0, 0.0), (0.02, 0.02, 0.02)), MotionConfig()) is result
+    assert (
+        decided_by_expectation(result, expected((-0.5, 0.0, 0.0), (0.02, 0.02, 0.02)), MotionConfig()).pose[0] == -0.5
+    )
+    sure = replace(result, outcome=cs.Outcome.MATCHED, pose=candidates[0].pose)
+    assert decided_by_expectation(sure, expected((0.12, 0.0, 0.0), (0.02, 0.02, 0.02)), MotionConfig()) is sure
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import pytest
 
 from curvescan import se2
 from curvescan.odometry import MotionConfig
-from curvescan.odometry.motion_model import Clock, MotionModel
+from curvescan.odometry.motion_model import MotionModel
 from curvescan.se2.uncertain import UncertainPose
 
 SEEN = UncertainPose(np.array([0.1, 0.01, 0.05]), np.diag([1e-6, 1e-6, 1e-8]))
@@ -37,7 +37,7 @@ def test_a_prediction_changes_nothing():
     model = steady(n=20)
     first, second = model.predict(2.0, np.ones(3)), model.predict(2.0, np.ones(3))
     np.testing.assert_array_equal(first.motion.cov, second.motion.cov)
-    assert first.clock == second.clock
+    assert first.deskewer == second.deskewer
     assert model.odometry_pose is None
 
 
@@ -252,18 +252,6 @@ def test_turns_come_back_to_what_was_expected_of_them_before_any_was_seen():
         model = updated(model, 10.0 + 0.1 * step, is_fully_observed=False)
         wide = config.sigma_m**2
         assert model.variance_turn == pytest.approx(before + (wide - before) / config.memory)
-
-
-def test_the_clock_is_averaged_before_a_step_is_long_and_a_pause_moves_it_little():
-    clock = Clock()
-    for k in range(11):  # ten steps
-        clock, n_periods = clock.ticked(0.1 * k if k < 10 else 1.4, 20.0)
-        assert n_periods == 1.0  # the tenth is five times as long, and not yet called so
-    period = clock.period
-    assert period == pytest.approx(0.14)
-    clock, n_periods = clock.ticked(clock.stamp + 10.0 * period, 20.0)
-    assert n_periods == 10.0
-    assert clock.period == pytest.approx(period * (1.0 + 2.0 / 20.0))  # as if it were three
 
 
 def test_a_change_of_the_motion_counts_along_both_axes():

@@ -10,8 +10,9 @@ import pytest
 import curvescan as cs
 from curvescan.engines import run_engine
 from curvescan.odometry import OdometryConfig
+from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.measurement import Matching
-from curvescan.odometry.motion_model import Clock, Prediction
+from curvescan.odometry.motion_model import Prediction
 from curvescan.se2.uncertain import UncertainPose, identity
 from tests.odometry.test_gating import matched
 
@@ -40,7 +41,7 @@ def gated(by_wheels, by_last=TRUE, is_measured=True, **result):
         motion=UncertainPose(np.array(by_wheels), SIGMA / 4.0),
         repeated=UncertainPose(np.array(by_last), SIGMA),
         is_measured=is_measured,
-        clock=Clock(),
+        deskewer=Deskewer(),
         odometry_pose=None,
         recovery=np.diag([0.25, 0.25, 1.0]),
         reach=0.5,

@@ -51,7 +51,7 @@ def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
     held: deque[tuple[LaserScan, Floats]] = deque(maxlen=3)  # each with the velocity before it
     before = None
     for scan in scans:
-        deskewer = deskewer.ticked(scan)
+        deskewer = deskewer.ticked(scan.stamp, scan.scan_time)
         current = prepare(scan)
         result = None if before is None else match(before, current)
         velocity = deskewer.velocity(result.pose) if result is not None and result.ok else np.full(3, math.nan)

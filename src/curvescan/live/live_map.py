@@ -78,7 +78,7 @@ class LiveMap:
         pose = tracked.step.pose
         if np.isnan(pose).any():
             return
-        self._deskewer = self._deskewer.ticked(tracked.scan)
+        self._deskewer = self._deskewer.ticked(tracked.scan.stamp, tracked.scan.scan_time)
         moved = np.zeros(3) if self._before is None else se2.between(self._before, pose)
         self._before = pose
         if not len(self._path) or _is_far(pose, np.array(self._path[-3:]), self._path_step, 1e9):

@@ -29,21 +29,26 @@ class Deskewer(NamedTuple):
     """
 
     stamps: tuple[float, ...] = ()  # the last few stamps, seconds
-    period: float = 0.0  # usual time between two scans, seconds; 0 where no scan gives the times of its beams
-    seconds: float = 0.0  # time from the scan before to the last one: a whole number of periods
+    period: float = 0.0  # usual time between two scans, seconds; 0 where stamps do not tell
+    elapsed: float = 0.0  # time from the scan before to the last one by their stamps, seconds
+    seconds: float = 0.0  # the same as a whole number of periods, 0 of a pause
 
-    def ticked(self, scan: LaserScan) -> Deskewer:
+    def ticked(self, stamp: float, scan_time: float = 0.0) -> Deskewer:
         """Return the deskewer at the time of the next scan."""
-        stamps = (*self.stamps, scan.stamp)[-_N_STAMPS:]
-        if scan.time_increment == 0.0:
-            return self._replace(stamps=stamps)
-        period = usual_period(stamps, scan.scan_time)
+        stamps = (*self.stamps, stamp)[-_N_STAMPS:]
+        elapsed = stamp - self.stamps[-1] if self.stamps else 0.0
+        period = usual_period(stamps, scan_time)
         if abs(period - self.period) <= _HYSTERESIS * self.period:
             period = self.period
         else:
             period = float(f"{period:.{_DIGITS}g}")
         n = n_periods(stamps, period) if period > 0.0 else 0
-        return Deskewer(stamps=stamps, period=period, seconds=n * period)
+        return Deskewer(stamps=stamps, period=period, elapsed=elapsed, seconds=n * period)
+
+    @property
+    def n_steps(self) -> int:
+        """How many usual periods the last step took, 1 at the least; logs written in bursts begin with any step."""
+        return max(round(self.elapsed / self.period), 1) if len(self.stamps) == _N_STAMPS and self.period else 1
 
     def velocity(self, motion: Pose) -> Floats:
         """Return the velocity, [vx, vy, omega], of a sensor that made a motion since the last scan."""
@@ -63,6 +68,6 @@ def deskewed_along(scans: Iterable[LaserScan], trajectory: Trajectory) -> Iterat
     """Yield scans deskewed with the motion of a trajectory, for maps."""
     deskewer, before = Deskewer(), None
     for scan, pose in zip(scans, trajectory.poses, strict=False):
-        deskewer = deskewer.ticked(scan)
+        deskewer = deskewer.ticked(scan.stamp, scan.scan_time)
         yield deskewer.deskewed(scan, np.zeros(3) if before is None else se2.between(before, pose))
         before = pose

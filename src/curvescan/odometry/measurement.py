@@ -215,14 +215,12 @@ def unguided_measurement(result: MatchResult) -> UncertainPose | None:
 
 
 def decided_by_expectation(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> MatchResult:
-    """Return a match as that of its likeliest pose where it was expected, unless one elsewhere is far likelier.
+    """Return a failed match as one of its likeliest pose where expected, unless one elsewhere is far likelier.
 
     Without a guess it would be one of several, or chance. Of scans in a row it is right: what moves along with a
     sensor explains them elsewhere.
     """
-    if not result.candidates or not result.score >= config.expected_score:
-        return result
-    if result.ok and fuse(expected, as_measurement(result))[1] <= config.motion_gate_chi2:
+    if result.ok or not result.candidates or not result.score >= config.expected_score:
         return result
     best = result.candidates[0]
     for one in result.candidates:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from curvescan import se2
 from curvescan.odometry.config import MotionConfig
+from curvescan.odometry.deskewing import Deskewer
 from curvescan.se2.uncertain import UncertainPose, identity, wrap_angle
 from curvescan.types import Cov, Pose
 
@@ -38,31 +39,6 @@ that is expected, were not updated."""
 _MOST_MISSED = 1
 """Scans in a row without a match after which wheels that report the same pose are believed: the sensor stands still."""
 
-_N_UNUSUAL = 10
-"""So many steps of the clock are averaged before one is called long."""
-
-
-class Clock(NamedTuple):
-    """The stamps of a stream: the last one, the usual time between two, seconds, and of how many steps."""
-
-    stamp: float = math.nan
-    period: float = 0.0
-    n_steps: int = 0
-
-    def ticked(self, stamp: float, memory: float) -> tuple[Clock, float]:
-        """Return the clock after the next stamp, and how many usual periods that took, a whole number of at least 1.
-
-        A whole number, so that stamps that jitter change nothing at all.
-        """
-        elapsed = stamp - self.stamp
-        if not elapsed > 0.0:  # the first one, a clock that stands or goes back
-            return self._replace(stamp=stamp), 1.0
-        n_steps, usual = self.n_steps + 1, self.period
-        if n_steps <= _N_UNUSUAL:  # logs written in bursts begin with any step
-            return Clock(stamp, usual + (elapsed - usual) / n_steps, n_steps), 1.0
-        period = usual + (min(elapsed, 3.0 * usual) - usual) / memory
-        return Clock(stamp, period, n_steps), min(max(round(elapsed / usual), 1.0), _MAX_STRETCH)
-
 
 class Prediction(NamedTuple):
     """What is expected of a scan before it is matched."""
@@ -70,7 +46,7 @@ class Prediction(NamedTuple):
     motion: UncertainPose  # the sensor seen from where it was at the last scan
     repeated: UncertainPose  # the last motion repeated: the same as `motion` without another odometry
     is_measured: bool  # whether the translation of `motion` is that of another odometry
-    clock: Clock  # the clock of the stream at this scan
+    deskewer: Deskewer  # the clock of the stream at this scan
     odometry_pose: Pose | None  # (3,): pose of the sensor at this scan by another odometry
     recovery: Cov  # (3, 3): how much farther from there the sensor may be once a match failed or contradicts
     reach: float  # metres, standard deviation: how far from there it gets since the last match, if it moves at once
@@ -92,7 +68,7 @@ class MotionModel(NamedTuple):
     odometry_pose: Pose | None = None
     # (3,): the sensor at the last scan seen from where it was at that pose; None where that pose is of the last scan
     moved: Pose | None = None
-    clock: Clock = Clock()  # the clock of the stream
+    deskewer: Deskewer = Deskewer()  # the clock of the stream
     n_failures: int = 0  # scans without a match in a row
     # variance of the other odometry's translation and turn, as multiples of what the configuration says: the mean over
     # the last steps that a match measured
@@ -107,11 +83,12 @@ class MotionModel(NamedTuple):
         variance = config.sigma_m**2
         return cls(config=config, last=identity(), variance_translation=variance, variance_turn=variance)
 
-    def predict(self, stamp: float, odometry_pose: Pose | None) -> Prediction:
+    def predict(self, stamp: float, odometry_pose: Pose | None, scan_time: float = 0.0) -> Prediction:
         """Return the expected pose of the next sensor frame in the last one; odometry_pose (3,)."""
-        clock, stretch = self.clock.ticked(stamp, self.config.memory)
+        deskewer = self.deskewer.ticked(stamp, scan_time)
+        stretch = min(deskewer.n_steps, _MAX_STRETCH)
         # since the last match; a clock that stands tells nothing
-        seconds = max(stamp - self.clock.stamp, clock.period) * (1 + self.n_failures) if clock.period else math.inf
+        seconds = max(deskewer.elapsed, deskewer.period) * (1 + self.n_failures) if deskewer.period else math.inf
         pose, cov = self.last.pose.copy(), self.last.cov.copy()
         cov[0, 0] += stretch**2 * self.variance_translation
         cov[1, 1] += stretch**2 * self.variance_translation
@@ -123,17 +100,17 @@ class MotionModel(NamedTuple):
             motion=UncertainPose(pose, cov),
             repeated=repeated,
             is_measured=is_measured,
-            clock=clock,
+            deskewer=deskewer,
             odometry_pose=odometry_pose,
             recovery=self.config.recovery_covariance(pose, seconds),
             reach=min(self.config.recovery_speed * seconds, _LONGEST_STEP) + math.hypot(pose[0], pose[1]),
-            onward=(stretch - 1.0) * pose,
+            onward=(stretch - 1) * pose,
             is_missed=is_missed,
         )
 
     def advanced(self, prediction: Prediction) -> MotionModel:
         """Return the model after a scan that says nothing of the motion, the first."""
-        return self._replace(odometry_pose=prediction.odometry_pose, moved=None, clock=prediction.clock)
+        return self._replace(odometry_pose=prediction.odometry_pose, moved=None, deskewer=prediction.deskewer)
 
     def updated(self, prediction: Prediction, motion: UncertainPose, *, is_fully_observed: bool) -> MotionModel:
         """Return the model after a scan whose motion was measured."""

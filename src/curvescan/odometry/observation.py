@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from curvescan.matchers import MatchResult, PreparedScan
 from curvescan.odometry.config import OdometryConfig
-from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.measurement import Matching
 from curvescan.odometry.motion_model import MotionModel, Prediction
 from curvescan.odometry.step import StepOutcome
@@ -70,7 +69,6 @@ class State(NamedTuple):
     localization: Localization | None = None  # where the last scan is; None before the first
     previous: PreparedScan | None = None  # the last scan, if it can be a reference
     older: Keyframe | None = None  # the keyframe that was in use before the one in use
-    deskewer: Deskewer = Deskewer()  # the clock of the sweeps
     # the first scan, until the second shows the velocity with which its sweep is deskewed
     first: LaserScan | None = None
     gap: Gap | None = None  # a failure that no match has bridged yet
@@ -83,7 +81,6 @@ class Observation:
 
     scan: LaserScan  # as it came
     prediction: Prediction  # what is expected of it
-    deskewer: Deskewer  # at the time of the scan
     state: State  # after the last scan
     matching: Matching  # the matcher
 
@@ -104,7 +101,9 @@ class Observation:
 
     def prepared(self, motion: Pose) -> PreparedScan:
         """Return the scan ready to be matched, deskewed with a motion since the last one."""
-        return self.matching.prepare(self.deskewer.deskewed(self.scan, motion) if self.config.deskew else self.scan)
+        return self.matching.prepare(
+            self.prediction.deskewer.deskewed(self.scan, motion) if self.config.deskew else self.scan
+        )
 
 
 class Placement(NamedTuple):

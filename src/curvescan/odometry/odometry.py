@@ -94,8 +94,7 @@ class Odometry:
         pose = scan.odometry if odometry_pose is None else as_odometry_pose(odometry_pose, "odometry_pose")
         observation = Observation(
             scan=scan,
-            prediction=state.motion.predict(scan.stamp, pose),
-            deskewer=state.deskewer.ticked(scan),
+            prediction=state.motion.predict(scan.stamp, pose, scan.scan_time),
             state=state,
             matching=self._matching,
         )
@@ -118,7 +117,6 @@ class Odometry:
             localization=placement.localization,
             previous=reference if placement.is_reference else None,
             older=older,
-            deskewer=observation.deskewer,
             first=observation.scan if observation.index == 0 else None,
             gap=placement.gap,
             score=math.nan if placement.match is None else placement.match.score,

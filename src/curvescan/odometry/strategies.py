@@ -147,10 +147,12 @@ def _with_better_sweep(o: Observation, attempt: _Attempt) -> _Attempt:
     """Return the match once more where it found a motion that deskews the sweep better than the expected one."""
     found = se2.between(attempt.origin.pose, attempt.gated.pose_keyframe_scan.pose)
     expected = o.prediction.motion.pose
-    if not (o.config.deskew and o.scan.time_increment and o.deskewer.is_worth_again(o.scan, expected, found)):
+    if not (
+        o.config.deskew and o.scan.time_increment and o.prediction.deskewer.is_worth_again(o.scan, expected, found)
+    ):
         return attempt
     if o.state.first is not None:  # its velocity was not known
-        first = o.matching.prepare(o.deskewer.deskewed(o.state.first, found))
+        first = o.matching.prepare(o.prediction.deskewer.deskewed(o.state.first, found))
         attempt = attempt._replace(keyframe=replace(attempt.keyframe, scan=first))
     better = o.prepared(found)
     again = o.matching.match(attempt.keyframe.scan, better, attempt.origin, o.prediction)

@@ -130,7 +130,7 @@ class Localizer:
             Pose of the sensor at this scan by its wheels; see :meth:`Odometry.add`.
         """
         step = self.odometry.add(scan, odometry_pose)
-        self._deskewer = self._deskewer.ticked(scan)
+        self._deskewer = self._deskewer.ticked(scan.stamp, scan.scan_time)
         is_unmeasured = step.outcome in UNMEASURED
         self._n_lost = self._n_lost + 1 if is_unmeasured else 0
         self._is_torn |= is_unmeasured

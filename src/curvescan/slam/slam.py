@@ -121,7 +121,7 @@ class Slam:
 
     def add_placed(self, scan: LaserScan, step: Step) -> Step:
         """Return where the sensor was at a scan that an odometry has placed, as :meth:`add` does."""
-        self._deskewer = self._deskewer.ticked(scan)
+        self._deskewer = self._deskewer.ticked(scan.stamp, scan.scan_time)
         if self._origin is None:
             seen = self._begin_fragment(scan, step, np.zeros(3))
         else:
