@@ -10,11 +10,11 @@ from curvescan.matchers import find_matcher
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.simulation import World
 from curvescan.slam import SlamConfig
-from curvescan.slam.growing_map import GrowingMap
+from curvescan.slam.growing_map import GrowingMap, solve
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
 from curvescan.slam.loops.cycles import Chain
-from curvescan.slam.pose_graph.graph import EdgeKind
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +76,16 @@ def test_the_chain_of_a_map_that_is_continued_is_that_of_its_edges(scans: list[c
     np.testing.assert_allclose(chain.gathered[:k], Chain.of(graph.poses, steps).gathered)
     # nothing says how the new session lies to it
     assert chain.gathered[k, 0, 0] - chain.gathered[k - 1, 0, 0] > 100.0
+
+
+def test_a_false_closure_is_refused_though_it_bends_steps_more_than_itself() -> None:
+    """Steps known to 0.15 m give way to it, and the one behind it slips: a cost of 50 for the 16 of leaving it out."""
+    graph, soft = PoseGraph(), np.diag(np.square([0.15, 0.01, 0.002]))
+    for k in range(9):
+        graph.add_pose(np.array([0.64 * k, 0.0, 0.0]))
+    for k in range(8):
+        graph.add_edge(k, k + 1, np.array([0.64, 0.0, 0.0]), soft, EdgeKind.MOTION)
+    for k, off in ((5, 1.28), (6, 0.0), (7, 0.0), (8, 0.0)):
+        graph.add_edge(0, k, np.array([0.64 * k + off, 0.0, 0.0]), 1e-4 * np.eye(3), EdgeKind.CLOSURE)
+    solved, _ = solve(graph, SlamConfig().noise, is_last=True)
+    assert solved.weights.tolist() == [1.0] * 8 + [0.0] + [1.0] * 3

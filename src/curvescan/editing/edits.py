@@ -24,7 +24,7 @@ from curvescan.mapping.map_server import write_map
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import MatchResult, match
 from curvescan.odometry.measurement import as_measurement
-from curvescan.slam.config import GATE, NoiseConfig
+from curvescan.slam.config import NoiseConfig
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.posterior import covariances_seen_from
@@ -110,7 +110,7 @@ def solved(slam_map: SlamMap, graph: PoseGraph) -> SlamMap:
     the map and once from full weights, and the better optimum is kept.
     """
     optima = [optimized(graph, weights=weights) for weights in (graph.weights, None)]
-    optimum = min(optima, key=lambda found: float(np.minimum(found.distances, GATE).sum()))
+    optimum = min(optima, key=lambda found: found.cost)
     graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
     covariances = covariances_seen_from(graph, 0, NOISE)
     return replace(slam_map, covariances=covariances, grid=None, **graph.arrays())

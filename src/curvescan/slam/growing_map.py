@@ -6,6 +6,7 @@ poses, a loop closure those since it; places that hold too many keyframes lose t
 
 from __future__ import annotations
 
+from copy import deepcopy
 from functools import reduce
 
 import numpy as np
@@ -34,9 +35,17 @@ _NEARBY = 6.0
 def solve(graph: PoseGraph, noise: NoiseConfig, is_last: bool) -> tuple[PoseGraph, Cov]:
     """Move a pose graph, a copy, to its robust optimum, and return it; the heavy parts release Python's lock.
 
-    With it, (n, 3, 3) covariances of its keyframes with the last one, which scans hang on, known exactly.
+    With it, (n, 3, 3) covariances of its keyframes with the last one, which scans hang on, known exactly. A false
+    closure bends the steps beside it more than itself: the optimum where no step may err may leave it out, and cost less.
     """
     optimum = optimized(graph, weights=graph.weights, least_convexity=0.0 if is_last else _NEARBY)
+    if is_last:
+        stiff = deepcopy(graph)
+        stiff.edge_covariances[~graph.is_closure] = noise.floor
+        held = optimized(stiff, weights=None)
+        stiff.poses[:], stiff.edge_covariances[:] = held.poses, graph.edge_covariances
+        freed = optimized(stiff, weights=held.weights, least_convexity=_NEARBY)
+        optimum = min(optimum, freed, key=lambda one: one.cost)
     graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
     return graph, covariances_seen_from(graph, graph.n_poses - 1, noise)
 

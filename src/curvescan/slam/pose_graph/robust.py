@@ -29,7 +29,7 @@ class RobustOptimum(NamedTuple):
 
     poses: Pose  # (n, 3)
     weights: Floats  # (m,): of each edge in [0, 1]; near 0 or 1 at the end
-    distances: Floats  # (m,): squared Mahalanobis distance of each edge
+    cost: float  # sum of the edges' squared Mahalanobis distances, each up to its limit
 
 
 def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: float = 0.0) -> RobustOptimum:
@@ -58,7 +58,7 @@ def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: floa
         poses = _optimum(poses, edges, weights, elimination)
         distances = squared_distances(poses, edges)
         convexity *= _STEP
-    return RobustOptimum(poses=poses, weights=weights, distances=distances)
+    return RobustOptimum(poses=poses, weights=weights, cost=float(np.minimum(distances, limits).sum()))
 
 
 def tls_weights(distances: Floats, limit: Floats | float, convexity: float) -> Floats:
