@@ -6,7 +6,6 @@ poses, a loop closure those since it; places that hold too many keyframes lose t
 
 from __future__ import annotations
 
-from copy import deepcopy
 from functools import reduce
 
 import numpy as np
@@ -40,11 +39,11 @@ def solve(graph: PoseGraph, noise: NoiseConfig, is_last: bool) -> tuple[PoseGrap
     """
     optimum = optimized(graph, weights=graph.weights, least_convexity=0.0 if is_last else _NEARBY)
     if is_last:
-        stiff = deepcopy(graph)
-        stiff.edge_covariances[~graph.is_closure] = noise.floor
-        held = optimized(stiff, weights=None)
-        stiff.poses[:], stiff.edge_covariances[:] = held.poses, graph.edge_covariances
-        freed = optimized(stiff, weights=held.weights, least_convexity=_NEARBY)
+        soft = graph.edge_covariances.copy()
+        graph.edge_covariances[~graph.is_closure] = noise.floor
+        held = optimized(graph, weights=None)
+        graph.poses[:], graph.edge_covariances[:] = held.poses, soft
+        freed = optimized(graph, weights=held.weights, least_convexity=_NEARBY)
         optimum = min(optimum, freed, key=lambda one: one.cost)
     graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
     return graph, covariances_seen_from(graph, graph.n_poses - 1, noise)

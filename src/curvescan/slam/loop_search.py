@@ -20,7 +20,7 @@ from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.agreement import MOST_LOG_ODDS, best_group, lead_of
-from curvescan.slam.loops.audit import N_NEAR, Contradiction, contradictions, groups_against
+from curvescan.slam.loops.audit import N_NEAR, groups_against
 from curvescan.slam.loops.closures import SIGMAS, Closure, ClosureOutcome, closure_of, is_certain, is_loop, is_near
 from curvescan.slam.loops.overlap import foretold_overlap
 from curvescan.slam.open_direction import placed
@@ -137,11 +137,6 @@ class LoopSearch:
         for one in new:
             self._accept(replace(one, outcome=ClosureOutcome.AGREED))
         return len(new) > 0
-
-    def contradictions(self, audited: list[tuple[list[Closure], float]]) -> list[Contradiction]:
-        """Return what contradicts the map as it was audited, of what is likelier than the closures against it."""
-        likely = [group for group, log_odds in audited if log_odds > 0.0]
-        return contradictions(likely, self._map.graph.poses, self._map.keyframes.numbers)
 
     def _try(self, candidate: Candidate, index: int) -> list[Closure]:
         """Match a candidate, and return the closures accepted."""

@@ -34,7 +34,7 @@ from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap, solve
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import Beside, LoopSearch
-from curvescan.slam.loops.audit import Contradiction
+from curvescan.slam.loops.audit import Contradiction, contradictions
 from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.pose_graph.graph import PoseGraph
@@ -205,13 +205,11 @@ class Slam:
             for _ in range(_N_PASSES):
                 self._search.densify(self._n_scans, beside)
                 self._settle()
-                audited = self._search.audit()
-                if not self._search.reopen(audited):
+                if not self._search.reopen(self._search.audit()):
                     break
                 self._settle()
-            else:
-                audited = self._search.audit()
-            self.contradictions = tuple(self._search.contradictions(audited))
+            likely = [group for group, lead in self._search.audit() if lead > 0.0]  # than the closures against it
+            self.contradictions = tuple(contradictions(likely, self.graph.poses, self.keyframes.numbers))
         return self.trajectory()
 
     def _settle(self) -> None:
