@@ -98,8 +98,7 @@ def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[int, UncertainPose]:
         if graph.kinds[row] == EdgeKind.CLOSURE and graph.is_followed[row] and u not in tied:
             tied.add(u)
             moved = compose(from_heir, edge)
-            if heir > u:
-                moved = inverse(moved)
+            moved = inverse(moved) if heir > u else moved
             graph.add_edge(min(heir, u), max(heir, u), moved.pose, moved.cov, EdgeKind.CLOSURE)
     graph.keep_edges(~np.isin(np.arange(len(graph.ends)), rows))
     return heir, from_heir
