@@ -198,6 +198,13 @@ NAMED = (
         "slam/test_robust.py",
     ),
     _named(
+        "the last optimization begins once",
+        "slam/growing_map.py",
+        "optimum = min(optimum, freed, key=lambda one: one.cost)",
+        "del freed",
+        "slam/test_growing_map.py",
+    ),
+    _named(
         "closures of a keyframe that goes stay where they were",
         "slam/thinning.py",
         "moved = compose(from_heir, edge)",

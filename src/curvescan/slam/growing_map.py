@@ -35,7 +35,7 @@ def solve(graph: PoseGraph, noise: NoiseConfig, is_last: bool) -> tuple[PoseGrap
     """Move a pose graph, a copy, to its robust optimum, and return it; the heavy parts release Python's lock.
 
     With it, (n, 3, 3) covariances of its keyframes with the last one, which scans hang on, known exactly. A false
-    closure bends the steps beside it more than itself: the optimum where no step may err may leave it out, and cost less.
+    closure bends the steps beside it more than itself: from where no step may err an optimum without it is found.
     """
     optimum = optimized(graph, weights=graph.weights, least_convexity=0.0 if is_last else _NEARBY)
     if is_last:
