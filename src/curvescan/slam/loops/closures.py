@@ -27,9 +27,6 @@ _N_NEIGHBOURS = 10
 SIGMAS = 3.0
 """Standard deviations that a keyframe may lie from where the graph has it."""
 
-_ERROR_AFAR = 0.03
-"""Share of the distance by which views from afar err, more than they say: 0.1 to 0.2 m at 3 to 5 m on Killian."""
-
 MOST_ODDS = math.log(99.0)
 """Most that one match says for itself: of matches of a confidence of 0.99 one in a hundred is wrong."""
 
@@ -105,17 +102,14 @@ def closure_of(
     )  # fmt: skip
     if not result.ok:
         return tried
-    found, is_far = as_measurement(result), is_loop(i, j) and not is_near(expected, config)
-    if is_far:
-        error = _ERROR_AFAR * math.hypot(found.pose[0], found.pose[1])
-        found = UncertainPose(found.pose, found.cov + np.diag([error**2, error**2, 0.0]))
+    found = as_measurement(result)
     distance = fuse(expected, found)[1]
     expectation = expectation_of(difference(expected.pose, found.pose), expected.cov + found.cov, config)
     tried = replace(tried, covariance=config.noise.edge(found.cov), distance=distance, expectation=expectation)
     if expectation + tried.log_odds > config.closures.log_odds:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
     # neighbours close no loop, views from afar dispute no map, and what leaves a way open agrees with the next room
-    may_wait = is_loop(i, j) and not is_far and result.degenerate_direction is None
+    may_wait = is_loop(i, j) and is_near(expected, config) and result.degenerate_direction is None
     return replace(tried, outcome=ClosureOutcome.WAITING if may_wait else ClosureOutcome.UNEXPECTED)
 
 
