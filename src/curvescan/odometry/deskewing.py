@@ -32,6 +32,7 @@ class Deskewer(NamedTuple):
     period: float = 0.0  # usual time between two scans, seconds; 0 where stamps do not tell
     elapsed: float = 0.0  # time from the scan before to the last one by their stamps, seconds
     seconds: float = 0.0  # the same as a whole number of periods, 0 of a pause
+    n_steps: int = 1  # how many periods it took, 1 at the least; logs written in bursts begin with any step
 
     def ticked(self, stamp: float, scan_time: float = 0.0) -> Deskewer:
         """Return the deskewer at the time of the next scan."""
@@ -43,12 +44,8 @@ class Deskewer(NamedTuple):
         else:
             period = float(f"{period:.{_DIGITS}g}")
         n = n_periods(stamps, period) if period > 0.0 else 0
-        return Deskewer(stamps=stamps, period=period, elapsed=elapsed, seconds=n * period)
-
-    @property
-    def n_steps(self) -> int:
-        """How many usual periods the last step took, 1 at the least; logs written in bursts begin with any step."""
-        return max(round(self.elapsed / self.period), 1) if len(self.stamps) == _N_STAMPS and self.period else 1
+        n_steps = max(round(elapsed / period), 1) if len(stamps) == _N_STAMPS and period > 0.0 else 1
+        return Deskewer(stamps=stamps, period=period, elapsed=elapsed, seconds=n * period, n_steps=n_steps)
 
     def velocity(self, motion: Pose) -> Floats:
         """Return the velocity, [vx, vy, omega], of a sensor that made a motion since the last scan."""

@@ -17,7 +17,7 @@ from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import AssessedPose, assess, competing_poses, disambiguate, place
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
 from curvescan.matchers.curvescan.prior import WIDE, Prior
-from curvescan.matchers.curvescan.proposal.search import NOTHING, Candidates, Problem, at_prior, effort_of, searched
+from curvescan.matchers.curvescan.proposal.search import NOTHING, Candidates, Problem, effort_of, refine_guess, searched
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
@@ -62,7 +62,8 @@ class CurvescanMatcher:
         problem = Problem(reference, current, WIDE if prior is None else Prior.of(prior), self.config, self._effort)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
             return replace(judged(problem, NOTHING), outcome=Outcome.NO_SEGMENTS)
-        near, is_likely = at_prior(problem)
+        images, told = (reference.image, current.image), problem.prior.is_told
+        near, is_likely = refine_guess(*images, problem.prior, self._effort) if told else (NOTHING, False)
         if is_likely and (result := judged(problem, near)).ok:
             return result
         return judged(problem, searched(problem, near))

@@ -38,7 +38,8 @@ class Prior(NamedTuple):
         """Return a prior ready to be asked."""
         cov = known.cov + _MATCHED
         precision = inverse3(cov)
-        determinant = (cov[0, 0] * cov[1, 1] - cov[0, 1] * cov[0, 1]) / precision[2, 2]  # of cov, as by cofactors
+        (a, b, _), (_, c, _), _ = cov.tolist()
+        determinant = (a * c - b * b) / float(precision[2, 2])  # of cov, as by cofactors
         narrower = math.prod(WIDE_SIGMA) / math.sqrt(determinant)
         return cls(known.pose, precision, 1.0 / (_WRONG + 1.0 / (narrower - 1.0)) if narrower > 1.0 else 0.0)
 

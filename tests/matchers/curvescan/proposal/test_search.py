@@ -12,7 +12,7 @@ from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.matcher import CurvescanMatcher
 from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal import search as rules
-from curvescan.matchers.curvescan.proposal.search import NOTHING, Problem, at_prior, effort_of, searched
+from curvescan.matchers.curvescan.proposal.search import NOTHING, Problem, effort_of, refine_guess, searched
 from curvescan.matchers.result import Outcome, prior_of
 from tests.matchers.curvescan.scenes import MOTION, features, hall_scan, pair
 
@@ -118,7 +118,8 @@ def test_a_prior_that_is_not_followed_is_one_more_candidate():
     ref, cur = pair()
     guess = MOTION + np.array([0.0, 0.6, 0.0])
     problem = Problem(ref, cur, prior_at(guess), CONFIG, effort_of(CONFIG))
+    near, _ = refine_guess(ref.image, cur.image, problem.prior, problem.effort)
     alone = search(ref, cur, prior_at(guess), CONFIG)
-    found = searched(problem, at_prior(problem)[0])
+    found = searched(problem, near)
     assert len(found.poses) >= len(alone.poses)
     assert off(found.poses[0]) < 0.01

@@ -183,7 +183,8 @@ def translation_hypotheses(
     places, heights = coinciding_places(turned, axis, marks_ref, marks_cur)
     n = first.shape[0]
     poses = np.empty((n + n_most, 3))
-    poses[:n] = first
+    for k in range(n):  # a slice would bring the text of an error to compile
+        poses[k, 0], poses[k, 1], poses[k, 2] = first[k, 0], first[k, 1], first[k, 2]
     upcoming = np.zeros((turned.shape[0], _N_PLACES), dtype=np.int64)  # along the second axis, by that along the first
     for _ in range(min(n_most, turned.shape[0] * _N_PLACES * _N_PLACES)):
         most, h, i = -1.0, 0, 0

@@ -81,12 +81,6 @@ def effort_of(config: CurvescanConfig) -> Effort:
     )
 
 
-def at_prior(problem: Problem) -> tuple[Candidates, bool]:
-    """Return the pose of a prior that tells where it is, refined, and whether it may be right."""
-    ref, cur, prior, _, effort = problem
-    return refine_guess(ref.image, cur.image, prior, effort) if prior.is_told else (NOTHING, False)
-
-
 def searched(problem: Problem, near: Candidates) -> Candidates:
     """Return what a search finds, and the pose of the prior, where the search has none beside it."""
     ref, cur, prior, _, effort = problem
