@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -80,6 +81,15 @@ def test_closures_agree_across_a_step_that_is_known_to_decimetres() -> None:
     assert _lead(pool, _slipped(31, 0.1))[0] == 3
     # one known no better than what may guide a match would lead to the next room as well
     assert _lead(pool, _slipped(31, 1.1 * CONFIG.closures.certain_m))[0] == 1
+
+
+def test_what_leaves_a_way_open_agrees_with_its_like_alone() -> None:
+    """Views along a corridor fit both rooms: they do not help the one that looks like the other."""
+    along = np.diag([4e3, 1e-4, 2.5e-5])
+    corridor = [replace(_closure(k, 30 + k), covariance=along) for k in (0, 4, 8)]
+    lookalike = _closure(2, 32, ROOM)
+    assert _lead([*corridor, lookalike])[0] == 1
+    assert _lead([lookalike, *corridor])[0] == 3
 
 
 @pytest.mark.parametrize("seed", range(8))

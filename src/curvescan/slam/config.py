@@ -106,7 +106,7 @@ class ClosuresConfig:
     reach: float = 2.5
     """Keyframes farther from each other than this are matched only where the graph knows their relative pose, metres:
     up to 6 m, where what they see should overlap."""
-    certain_m: float = 0.5
+    certain_m: float = 0.8
     """Where the graph knows the relative pose of two keyframes better than this, metres, it guides their match."""
     min_overlap: float = 0.4
     """Least share of two scans that must be common for them to be matched, foretold from where the graph has them."""

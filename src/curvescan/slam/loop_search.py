@@ -21,7 +21,7 @@ from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.agreement import MOST_LOG_ODDS, best_group, lead_of
 from curvescan.slam.loops.audit import N_NEAR, groups_against
-from curvescan.slam.loops.closures import SIGMAS, Closure, ClosureOutcome, closure_of, is_certain, is_loop, is_near
+from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, is_certain, is_loop
 from curvescan.slam.loops.overlap import foretold_overlap
 from curvescan.slam.open_direction import placed
 from curvescan.slam.pose_graph.graph import is_whole
@@ -32,6 +32,9 @@ N_LINKED = 3
 
 _FARTHEST = 6.0
 """Keyframes whose relative pose is known are matched up to here, metres: opposite views share least where they meet."""
+
+_SIGMAS = 3.0
+"""Standard deviations that a keyframe may lie from where the graph has it."""
 
 _N_CERTAIN, _N_UNCERTAIN = 5, 6
 """Earlier keyframes that a new one is matched with, at most: of a known relative pose, and of one that is not."""
@@ -86,11 +89,13 @@ class LoopSearch:
     def densify(self, index: int, beside: Beside) -> None:
         """Match each keyframe with the nearest others that it is not tied to, half of the matches beside.
 
-        Also those that were matched before: where the map is known now, the matches are others.
+        Also those that were matched before: where the map is known now, the matches are others. What leaves a way open
+        closes a loop, and is left out here: one that stays in the graph keeps better ones of its keyframes away.
         """
         from scipy.spatial import cKDTree  # loads for a good part of a second
 
         graph, profiles = self._map.graph, self._map.keyframes.profiles.array
+        graph.keep_edges(~graph.is_closure | is_whole(graph.edge_covariances))
         tied = set(map(tuple, np.sort(graph.ends).tolist()))
         fragments, poses, new = np.array(self._map.fragments), graph.poses, []
         places = cKDTree(poses[:, :2])
@@ -103,8 +108,6 @@ class LoopSearch:
         given = self._map.keyframes, poses, self.config, index  # an optimization was last: none moves another one
         others, found = beside(matched, *given, new[1::2]), matched(*given, new[::2])
         for closure in filter(None, chain.from_iterable(zip_longest(found, others()))):
-            if closure.outcome is ClosureOutcome.WAITING:  # no others will come to agree with it
-                closure = replace(closure, outcome=ClosureOutcome.UNEXPECTED)
             self._accept(closure) if closure.is_accepted else self._log(closure)
 
     def audit(self) -> list[tuple[list[Closure], float]]:
@@ -115,7 +118,8 @@ class LoopSearch:
         latest = {(c.i, c.j): c for c in self.closures if c.i in row_of and c.j in row_of}  # of each pair
         tried = (replace(c, i=row_of[c.i], j=row_of[c.j]) for c in latest.values())
         # views from afar are found where the graph expects them: they neither dispute it nor defend it
-        near = [c for c in tried if c.is_loop and is_near(UncertainPose(c.pose, c.covariance), self.config)]
+        reach = self.config.closures.reach
+        near = [c for c in tried if c.is_loop and (not is_whole(c.covariance) or np.hypot(*c.pose[:2]) < reach)]
         known = [c for c in near if (c.i, c.j) in followed]
         ends = np.array([(c.i, c.j) for c in known]).reshape(-1, 2)
         found = []
@@ -226,7 +230,7 @@ def choose_candidates(
     sigma = np.sqrt(np.diagonal(covariances + config.noise.spread, axis1=1, axis2=2)[:, :2].max(axis=1))
     distance = np.hypot(relative[:, 0], relative[:, 1])
     is_certain = sigma < rules.certain_m
-    is_near = (distance - SIGMAS * sigma < rules.reach) | (is_certain & (distance < _FARTHEST))
+    is_near = (distance - _SIGMAS * sigma < rules.reach) | (is_certain & (distance < _FARTHEST))
     is_near &= rows < newest - 1 - N_LINKED
     sure = np.flatnonzero(is_near & is_certain)
     overlap = foretold_overlap(profiles, rows[sure], relative[sure], profiles[newest], rules.min_overlap)

@@ -15,6 +15,7 @@ from curvescan._jit import kernel
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.loops.cycles import Chain, cycle_distances
+from curvescan.slam.pose_graph.graph import is_whole
 from curvescan.types import Bools, Ints
 
 _VIEW_M = 2.0
@@ -32,7 +33,8 @@ def best_group(pool: list[Closure], chain: Chain, config: SlamConfig) -> tuple[l
     The ways between closures count up to where they would guide a match.
     """
     known, last = config.closures.certain_m, len(pool) - 1
-    before = np.arange(last)
+    whole = is_whole(np.array([c.covariance for c in pool]))
+    before = np.flatnonzero(whole[:-1] == whole[-1])  # what leaves a way open agrees with the next room as well
     friends = before[agreements(pool, before, np.array([last]), chain, config, known)[:, 0]]
     members = np.append(friends[largest_clique(agreements(pool, friends, friends, chain, config, known))], last)
     return members.tolist(), lead_of(pool, members, chain, config, known)

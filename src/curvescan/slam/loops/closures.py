@@ -24,9 +24,6 @@ from curvescan.types import Bools, Cov, Pose
 _N_NEIGHBOURS = 10
 """Keyframes that follow each other so closely, about 5 m or 5 rad of way, see the same place without a loop."""
 
-SIGMAS = 3.0
-"""Standard deviations that a keyframe may lie from where the graph has it."""
-
 MOST_ODDS = math.log(99.0)
 """Most that one match says for itself: of matches of a confidence of 0.99 one in a hundred is wrong."""
 
@@ -86,12 +83,6 @@ def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
     return bool(max(expected.cov[0, 0], expected.cov[1, 1]) < config.closures.certain_m**2)
 
 
-def is_near(expected: UncertainPose, config: SlamConfig) -> bool:
-    """Return whether two keyframes may lie so near to each other that a match can dispute where the graph has them."""
-    away = math.hypot(expected.pose[0], expected.pose[1])
-    return away < config.closures.reach + SIGMAS * math.sqrt(expected.cov[0, 0] + expected.cov[1, 1])
-
-
 def closure_of(
     result: MatchResult, expected: UncertainPose, config: SlamConfig, *, scan: int, i: int, j: int
 ) -> Closure:
@@ -103,14 +94,14 @@ def closure_of(
     if not result.ok:
         return tried
     found = as_measurement(result)
+    if (along := result.degenerate_direction) is not None:  # a corridor seen askew would push what stands afar
+        tried = replace(tried, pose=result.pose + ((expected.pose - result.pose) @ along) * along)
     distance = fuse(expected, found)[1]
     expectation = expectation_of(difference(expected.pose, found.pose), expected.cov + found.cov, config)
     tried = replace(tried, covariance=config.noise.edge(found.cov), distance=distance, expectation=expectation)
     if expectation + tried.log_odds > config.closures.log_odds:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
-    # neighbours close no loop, views from afar dispute no map, and what leaves a way open agrees with the next room
-    may_wait = is_loop(i, j) and is_near(expected, config) and result.degenerate_direction is None
-    return replace(tried, outcome=ClosureOutcome.WAITING if may_wait else ClosureOutcome.UNEXPECTED)
+    return replace(tried, outcome=ClosureOutcome.WAITING if is_loop(i, j) else ClosureOutcome.UNEXPECTED)
 
 
 def difference(one: Pose, other: Pose) -> Pose:
