@@ -184,6 +184,13 @@ NAMED = (
         "slam/test_agreement.py",
     ),
     _named(
+        "what leaves a way open helps what does not",
+        "slam/loops/agreement.py",
+        "before = np.flatnonzero(whole[:-1] == whole[-1])",
+        "before = np.arange(last)",
+        "slam/test_agreement.py",
+    ),
+    _named(
         "a step that slipped loses its weight for good",
         "slam/pose_graph/robust.py",
         "new = np.maximum(tls_weights(distances, limits, convexity), least)",

@@ -99,6 +99,8 @@ def test_what_a_match_leaves_open_says_nothing_and_stays_open(result: MatchResul
     assert near.expectation < _tested(result).expectation
     # across nothing is known better, along it is not measured
     np.testing.assert_allclose(far.expectation, _tested(along_x, 0.0, 1.0).expectation, atol=0.01)
+    # the edge stands where the graph has it: far off along a corridor the least turn would push across it
+    np.testing.assert_allclose(far.pose, along_x.pose - [2.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("turn", [1e-3, 0.3, 1.7, -3.0])
