@@ -150,7 +150,7 @@ class LoopSearch:
         if not closure.is_accepted:
             self._log(closure)
             return []
-        if is_loop(closure.i, closure.j) and is_whole(closure.covariance):
+        if is_loop(closure.i, closure.j):
             self._remember(closure)
         return [self._accept(closure)]
 
