@@ -89,8 +89,8 @@ class LoopSearch:
     def densify(self, index: int, beside: Beside) -> None:
         """Match each keyframe with the nearest others that it is not tied to, half of the matches beside.
 
-        Also those that were matched before: where the map is known now, the matches are others. What leaves a way open
-        closes a loop, and is left out here: one that stays in the graph keeps better ones of its keyframes away.
+        Also those that were matched before: where the map is known now, the matches are others. Those that left a way
+        open are left out, as they would keep better ones of their keyframes away; of direct neighbours for good.
         """
         from scipy.spatial import cKDTree  # loads for a good part of a second
 
@@ -108,6 +108,8 @@ class LoopSearch:
         given = self._map.keyframes, poses, self.config, index  # an optimization was last: none moves another one
         others, found = beside(matched, *given, new[1::2]), matched(*given, new[::2])
         for closure in filter(None, chain.from_iterable(zip_longest(found, others()))):
+            if closure.outcome is ClosureOutcome.WAITING:  # no others will come to agree with it
+                closure = replace(closure, outcome=ClosureOutcome.UNEXPECTED)
             self._accept(closure) if closure.is_accepted else self._log(closure)
 
     def audit(self) -> list[tuple[list[Closure], float]]:
