@@ -165,7 +165,7 @@ def plot_graph(slam_map: SlamMap, axes: Axes) -> None:
     """Draw the pose graph of a map on axes."""
     is_closure = np.asarray(slam_map.kinds == EdgeKind.CLOSURE)
     is_used = np.asarray(slam_map.weights > 0.5)
-    follows = np.asarray(slam_map.kinds == EdgeKind.MATCH) & is_used
+    follows = ~is_closure & is_used
     sessions = np.asarray(slam_map.sessions)[slam_map.ends]
     closes = is_loop(slam_map.ends[:, 0], slam_map.ends[:, 1]) | (sessions[:, 0] != sessions[:, 1])
     for chosen, colour, label in (
