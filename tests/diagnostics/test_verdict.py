@@ -12,8 +12,10 @@ import pytest
 import curvescan as cs
 from curvescan import se2
 from curvescan.cli.console import propose_commands
+from curvescan.diagnostics.breaks import Break, find_misjoined
 from curvescan.diagnostics.issues import Issue, Remedy
 from curvescan.diagnostics.verdict import MAX_OPEN_SHARE, Evidence, judge, largest_sigma, verdict_of
+from curvescan.editing.operations import part_of
 from curvescan.engines import run_engine
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -229,6 +231,51 @@ def test_a_frozen_scanner_without_wheels_is_told_by_the_leap_at_its_end():
     verdict = cs.run(replace(frozen, odometry=None), "slam", keeps_steps=False).verdict
     assert not verdict.is_trusted
     assert cs.run(replace(spoilt(log), odometry=None), "slam", keeps_steps=False).verdict.is_trusted
+
+
+LOST_AT = 60
+
+
+@pytest.fixture(scope="module")
+def map_and_record(hall):
+    """The map of a drive that never was lost, and a record that has it lost in its middle."""
+    engine = Slam()
+    for scan in hall:
+        engine.add(scan)
+    engine.finish()
+    outcomes = [cs.StepOutcome.MATCHED] * len(hall)
+    outcomes[LOST_AT] = cs.StepOutcome.LOST
+    return engine.map, SimpleNamespace(outcomes=tuple(outcomes))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("off", "is_told"), [((0.0, 0.0, 0.0), False), ((3.0, 0.0, 0.0), True), ((0.0, 0.0, 1.5), True)]
+)
+def test_a_lost_track_must_be_found_where_it_was_joined(map_and_record, off, is_told):
+    slam_map, record = map_and_record
+    since = (slam_map.indices >= LOST_AT)[:, np.newaxis]
+    moved = replace(slam_map, poses=np.where(since, se2.compose(off, slam_map.poses), slam_map.poses))
+    assert [b.first for b in find_misjoined(record, moved)] == [LOST_AT] * is_told
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("n_keyframes", "is_told"), [(9, False), (10, True)])
+def test_a_track_that_is_not_found_at_all_is_told_where_it_is_long(map_and_record, n_keyframes, is_told):
+    slam_map, record = map_and_record
+    other = list(cs.simulate("clutter", sensor="spinning-360", n_scans=100, seed=7))
+    since = np.flatnonzero(slam_map.indices >= LOST_AT)
+    scans = list(slam_map.scans)
+    for n, row in enumerate(since.tolist()):
+        scans[row] = other[8 * n % len(other)]
+    there = part_of(replace(slam_map, scans=tuple(scans)), np.arange(since[0] + n_keyframes))
+    assert bool(find_misjoined(record, there)) is is_told
+
+
+def test_a_lost_track_that_is_joined_elsewhere_is_a_reason():
+    said = reason(engine="slam", breaks=(Break("misjoined", 100, 100, 0.0),))
+    assert "from scan 100 on the track was lost" in said
+    assert "what helps: a log with wheel odometry; or drive from one part to the other once more" in said
 
 
 @pytest.mark.slow

@@ -1,7 +1,8 @@
 """Breaks: where a drive goes on as no scan shows it.
 
-Two things break it and leave covariances as they are: a scanner that repeats a scan while the sensor drives, and parts
-of a map that wheels alone tie though the scans on either side should match.
+Three things break it and leave covariances as they are: a scanner that repeats a scan while the sensor drives, parts
+of a map that wheels alone tie though the scans on either side should match, and a track that was lost and is joined in
+a place that only looks alike.
 """
 
 from typing import NamedTuple
@@ -9,9 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
+from curvescan.editing.operations import part_of
 from curvescan.engines import RunRecord
 from curvescan.io.log import Log
 from curvescan.odometry.step import StepOutcome
+from curvescan.slam import Localizer
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Bools, Floats, Pose
@@ -19,43 +22,47 @@ from curvescan.types import Bools, Floats, Pose
 _STILL = 0.02  # a sensor stands that moves and turns by no more, metres and radians
 _NEAR = 0.5  # scans so near to each other see the same, metres and radians
 _N_SCANS = 5  # scans after a break in which the track is found again, or lost
+_N_VIEWS = 10  # keyframes of a track, one of which at least is found in a map that shows the place
 _TIMES, _USUAL = 3, 0.95  # a leap is so many times as long as this quantile of the steps
 
 
 class Break(NamedTuple):
     """A break: first and last scan of what is wrong, and the metres that no scan shows."""
 
-    kind: str  # "frozen" or "untied"
+    kind: str  # "frozen", "untied" or "misjoined"
     first: int
     last: int
     metres: float
 
 
-def find_breaks(
-    record: RunRecord, most: float, wheels: Pose | None, log: Log | None, slam_map: SlamMap | None
-) -> tuple[Break, ...]:
-    """Return the breaks longer than `most`, metres; wheels (n, 3), log: where wheels are used; slam_map: of SLAM."""
+def find_breaks(record: RunRecord, most: float, wheels: Pose | None) -> tuple[Break, ...]:
+    """Return where a scanner froze for longer than `most`, metres; wheels (n, 3): where they are used."""
     n = len(record.outcomes)
     steps = np.diff(record.trajectory.poses[:, :2], axis=0)
     way = np.concatenate(([0.0], np.hypot(steps[:, 0], steps[:, 1])))
     usual = float(np.quantile(way[1:], _USUAL)) if n > 1 else 0.0
     leaps = np.where(way > max(_TIMES * usual, most), way, 0.0)
-    failed = record.is_failed
-    is_first = _begins(failed)
     found = []
+    is_first = _begins(record.is_failed)
     for k in (*np.flatnonzero(is_first | (way > _TIMES * usual) | _begins(record.is_degenerate)).tolist(), n):
         begin = _stands_since(record.odometry.poses[:k])
         driven = 0.0 if wheels is None else _farthest(wheels[begin:k])
         leap = float(leaps[k : k + _N_SCANS].max(initial=0.0))
-        if driven > most:
-            found.append(Break("frozen", begin, k - 1, driven))
-        elif 0.0 < leap <= usual * (k - 1 - begin):
-            found.append(Break("frozen", begin, k - 1, leap))
-    # odometry has nothing else that could tie
-    if wheels is not None and log is not None and slam_map is not None:
-        candidates = (k for k in np.flatnonzero(is_first).tolist() if _is_untied(record, k, wheels, slam_map))
-        found += [Break("untied", k, k, 0.0) for k in candidates if 2 * log[k].valid.sum() > record.n_matched[k - 1]]
+        if driven > most or 0.0 < leap <= usual * (k - 1 - begin):
+            found.append(Break("frozen", begin, k - 1, driven if driven > most else leap))
     return tuple(found)
+
+
+def find_untied(record: RunRecord, wheels: Pose, log: Log, slam_map: SlamMap) -> list[Break]:
+    """Return where wheels (n, 3) alone tie two parts of a map though the scans on either side should match."""
+    begins = (k for k in np.flatnonzero(_begins(record.is_failed)).tolist() if _is_untied(record, k, wheels, slam_map))
+    return [Break("untied", k, k, 0.0) for k in begins if 2 * log[k].valid.sum() > record.n_matched[k - 1]]
+
+
+def find_misjoined(record: RunRecord, slam_map: SlamMap) -> list[Break]:
+    """Return where a lost track goes on, and a map of what came before does not show the rest where it was joined."""
+    lost = (k for k, outcome in enumerate(record.outcomes) if outcome is StepOutcome.LOST)
+    return [Break("misjoined", k, k, 0.0) for k in lost if _is_elsewhere(slam_map, k)]
 
 
 def _begins(mask: Bools) -> Bools:
@@ -71,6 +78,18 @@ def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap) -> bo
     scans = np.where(slam_map.sessions == slam_map.n_sessions - 1, slam_map.indices, -1)[slam_map.ends]
     is_matched = (slam_map.kinds != EdgeKind.MOTION) & (slam_map.weights > 0.5)
     return not (is_matched & (scans.min(axis=1) < k) & (scans.max(axis=1) >= k)).any()
+
+
+def _is_elsewhere(slam_map: SlamMap, k: int) -> bool:
+    """Return whether the first keyframes since scan k are not where a map of those before it alone finds them."""
+    scans = np.where(slam_map.sessions == slam_map.n_sessions - 1, slam_map.indices, 0)
+    localizer = Localizer(part_of(slam_map, np.flatnonzero(scans <= max(k - _N_SCANS, 0))))
+    since = np.flatnonzero(scans >= k)[:_N_VIEWS].tolist()
+    for row in since:
+        pose = localizer.add(slam_map.scans[row], slam_map.poses[row]).pose
+        if np.isfinite(pose[0]):
+            return not bool((np.abs(se2.between(slam_map.poses[row], pose)) < _NEAR).all())
+    return len(since) == _N_VIEWS
 
 
 def _stands_since(poses: Pose) -> int:

@@ -136,14 +136,8 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
     """Return what a log holds and what is wrong with it.
 
     Reads the scans once, and once more where wheels or a gyroscope measure the robot's turns. :func:`find_issues` says
-    in sentences what the figures mean.
-
-    Parameters
-    ----------
-    log : Log
-        Any source of scans, a simulated one too; it may be empty.
-    sensor : SensorJudgement or None
-        What its scans say of the sensor, where that was judged before.
+    in sentences what the figures mean. log: any source of scans, a simulated one too, it may be empty; sensor: what its
+    scans say of the sensor, where that was judged before.
     """
     statistics = LogStatistics()
     for scan in log:

@@ -22,6 +22,7 @@ from curvescan.odometry.deskewing import Deskewer
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
+_N_ORDER_SCANS = 300  # scans of a log in which the order of the beams is looked for
 _LEAST_SHIFT = 0.03  # pairs count whose sweeps move readings by this much, metres
 
 
@@ -44,13 +45,16 @@ class BeamOrder:
         return self.gain > CERTAIN * self.standard_error
 
 
-def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
-    """Return in which order the beams of a log's scans were swept, as far as its motion determines it."""
+def beam_order_of_log(log: Iterable[LaserScan]) -> BeamOrder | None:
+    """Return in which order the beams of a log's first 300 scans were swept; None where they have no beam times."""
+    first = next(iter(log), None)
+    if first is None or first.time_increment <= 0.0:
+        return None
     gains: list[float] = []
     deskewer = Deskewer()
     held: deque[tuple[LaserScan, Floats]] = deque(maxlen=3)  # each with the velocity before it
     before = None
-    for scan in scans:
+    for scan in islice(log, _N_ORDER_SCANS):
         deskewer = deskewer.ticked(scan.stamp, scan.scan_time)
         current = prepare(scan)
         result = None if before is None else match(before, current)
@@ -75,9 +79,6 @@ def _gain(held: deque[tuple[LaserScan, Floats]]) -> list[float]:
     return [scores[0] - scores[1]] if np.isfinite(scores).all() else []
 
 
-_N_ORDER_SCANS = 300  # scans of a log in which the order of the beams is looked for
-
-
 @dataclass(frozen=True, kw_only=True)
 class SensorJudgement:
     """What a log's scans say of its sensor."""
@@ -96,11 +97,3 @@ def judge_sensor(log: Log, *, is_order_needed: bool = True) -> SensorJudgement:
     """Return what a log's scans say of its sensor."""
     order = beam_order_of_log(log) if is_order_needed else None
     return SensorJudgement(beam_order=order, rotation=rotation_of_log(log))
-
-
-def beam_order_of_log(log: Log) -> BeamOrder | None:
-    """Return in which order the beams of a log's first 300 scans were swept; None where they have no beam times."""
-    first = next(iter(log), None)
-    if first is None or first.time_increment <= 0.0:
-        return None
-    return judge_beam_order(islice(log, _N_ORDER_SCANS))

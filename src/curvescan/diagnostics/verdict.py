@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan.configs import shipped_table
-from curvescan.diagnostics.breaks import Break, find_breaks
+from curvescan.diagnostics.breaks import Break, find_breaks, find_misjoined, find_untied
 from curvescan.diagnostics.issues import Sentences
 from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.engines import RunRecord
@@ -110,20 +110,14 @@ class Evidence:
     @property
     def most_unmatched(self) -> float:
         """Most scans that may be without a match."""
-        share = MAX_BRIDGED_SHARE if self.is_slam else MAX_UNMATCHED_SHARE
-        if self.is_slam and self.motion == "used":
-            share = MAX_DRIVEN_SHARE
-        return max(MAX_UNMATCHED, share * (self.n_scans - 1))
-
-    @property
-    def most_open(self) -> float:
-        """Share of the scans that may leave the motion along one direction to what is usual."""
-        return MAX_OPEN_SHARE_SLAM if self.is_slam else MAX_OPEN_SHARE
+        of_slam = MAX_DRIVEN_SHARE if self.motion == "used" else MAX_BRIDGED_SHARE
+        return max(MAX_UNMATCHED, (of_slam if self.is_slam else MAX_UNMATCHED_SHARE) * (self.n_scans - 1))
 
     @property
     def is_guessed(self) -> bool:
-        """Whether many scans leave a direction unobservable, and no wheels are used: the motion is guessed."""
-        return self.motion != "used" and self.open_share > MAX_OPEN_SHARE
+        """Whether too many scans leave the motion along one direction to what is usual, where no wheels tell it."""
+        most = MAX_OPEN_SHARE_SLAM if self.is_slam else MAX_OPEN_SHARE
+        return self.engine != "localization" and self.motion != "used" and self.open_share > most
 
     @property
     def most_sigma(self) -> float:
@@ -138,25 +132,10 @@ _TESTS: dict[str, Callable[[Evidence], bool]] = {
     "not_found": lambda e: e.engine == "localization" and e.found < MIN_FOUND,
     "unmatched": lambda e: e.engine != "localization" and e.n_unmatched > e.most_unmatched,
     "uncertain": lambda e: e.n_parts == 1 and e.sigma > e.most_sigma,
-    "guessed": lambda e: e.is_guessed and e.engine != "localization" and e.open_share > e.most_open,
-    "frozen": lambda e: any(b.kind == "frozen" for b in e.breaks),
-    "untied": lambda e: any(b.kind == "untied" for b in e.breaks),
+    "guessed": lambda e: e.is_guessed,
     "contradicted": lambda e: bool(e.contradictions),
 }
-"""Where each reason of verdict.toml holds."""
-
-
-def _found(e: Evidence) -> str:
-    if not e.is_known.any():
-        return "not found in the map"
-    return f"found in the map in {e.found:.0%} of the scans, first in scan {int(np.argmax(e.is_known)):,}"
-
-
-def _where_open(e: Evidence) -> str:
-    n_open, longest = int(np.count_nonzero(e.is_open)), _longest(e.is_open)
-    where = f"; in {n_open:,} scans, up to {longest:,} in a row, motion along one direction is unobservable"
-    return where * bool(n_open)
-
+"""Where each reason of verdict.toml holds that is no kind of break."""
 
 _FILL = Sentences(
     {
@@ -165,8 +144,17 @@ _FILL = Sentences(
             if e.n_recorded > e.n_scans
             else "its end is missing"
         ),
-        "found": _found,
-        "where_open": _where_open,
+        "found": lambda e: (
+            f"found in the map in {e.found:.0%} of the scans, first in scan {int(np.argmax(e.is_known)):,}"
+            if e.is_known.any()
+            else "not found in the map"
+        ),
+        "where_open": lambda e: (
+            f"; in {np.count_nonzero(e.is_open):,} scans, up to {_longest(e.is_open):,} in a row, motion along one "
+            "direction is unobservable"
+            if e.is_open.any()
+            else ""
+        ),
         "made": lambda e: "map" if e.is_slam else "trajectory",
         "n_steps": lambda e: e.n_scans - 1,
         "unmatched_share": lambda e: e.n_unmatched / (e.n_scans - 1),
@@ -193,8 +181,8 @@ def verdict_of(evidence: Evidence) -> Verdict:
     """Return the verdict on the figures of a result."""
     reasons = []
     for name, row in shipped_table(__package__, "verdict.toml").items():
-        if _TESTS[name](evidence):
-            longest = max((b for b in evidence.breaks if b.kind == name), key=lambda b: b.metres, default=None)
+        longest = max((b for b in evidence.breaks if b.kind == name), key=lambda b: b.metres, default=None)
+        if longest is not None or (name in _TESTS and _TESTS[name](evidence)):
             helps = _BY_MOTION.get(evidence.motion, "") * row.get("by_motion", False) + row.get("helps", "")
             sentence = row["what"] + f"; what helps: {helps}" * bool(helps)
             reasons.append(_FILL(sentence, e=evidence, b=longest))
@@ -233,8 +221,12 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
     if evidence.engine == "localization" or len(poses) < 2:
         return evidence
     wheels = prepared.odometry_poses if prepared is not None and record.has_prior else None
-    slam_map = engine.map if wheels is not None and isinstance(engine, Slam) else None
-    return replace(evidence, breaks=find_breaks(record, evidence.most_sigma, wheels, log, slam_map))
+    breaks = find_breaks(record, evidence.most_sigma, wheels)
+    if isinstance(engine, Slam):
+        untied = () if wheels is None or log is None else find_untied(record, wheels, log, engine.map)
+        misjoined = find_misjoined(record, engine.map) if n_parts == 1 and StepOutcome.LOST in record.outcomes else ()
+        breaks = *breaks, *untied, *misjoined
+    return replace(evidence, breaks=breaks)
 
 
 def largest_sigma(record: RunRecord, engine: Engine) -> float:
