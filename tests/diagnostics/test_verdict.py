@@ -12,7 +12,7 @@ import pytest
 import curvescan as cs
 from curvescan import se2
 from curvescan.cli.console import propose_commands
-from curvescan.diagnostics.breaks import Break, find_misjoined
+from curvescan.diagnostics.breaks import Break, find_ambiguous
 from curvescan.diagnostics.issues import Issue, Remedy
 from curvescan.diagnostics.verdict import MAX_OPEN_SHARE, Evidence, judge, largest_sigma, verdict_of
 from curvescan.editing.operations import part_of
@@ -252,16 +252,16 @@ def map_and_record(hall):
 @pytest.mark.parametrize(
     ("off", "is_told"), [((0.0, 0.0, 0.0), False), ((3.0, 0.0, 0.0), True), ((0.0, 0.0, 1.5), True)]
 )
-def test_a_lost_track_must_be_found_where_it_was_joined(map_and_record, off, is_told):
+def test_a_lost_track_must_tell_the_place_where_it_was_joined(map_and_record, off, is_told):
     slam_map, record = map_and_record
     since = (slam_map.indices >= LOST_AT)[:, np.newaxis]
     moved = replace(slam_map, poses=np.where(since, se2.compose(off, slam_map.poses), slam_map.poses))
-    assert [b.first for b in find_misjoined(record, moved)] == [LOST_AT] * is_told
+    assert [b.first for b in find_ambiguous(record, moved)] == [LOST_AT] * is_told
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("n_keyframes", "is_told"), [(9, False), (10, True)])
-def test_a_track_that_is_not_found_at_all_is_told_where_it_is_long(map_and_record, n_keyframes, is_told):
+def test_a_track_that_tells_no_place_is_told_where_it_is_long(map_and_record, n_keyframes, is_told):
     slam_map, record = map_and_record
     other = list(cs.simulate("clutter", sensor="spinning-360", n_scans=100, seed=7))
     since = np.flatnonzero(slam_map.indices >= LOST_AT)
@@ -269,12 +269,12 @@ def test_a_track_that_is_not_found_at_all_is_told_where_it_is_long(map_and_recor
     for n, row in enumerate(since.tolist()):
         scans[row] = other[8 * n % len(other)]
     there = part_of(replace(slam_map, scans=tuple(scans)), np.arange(since[0] + n_keyframes))
-    assert bool(find_misjoined(record, there)) is is_told
+    assert bool(find_ambiguous(record, there)) is is_told
 
 
-def test_a_lost_track_that_is_joined_elsewhere_is_a_reason():
-    said = reason(engine="slam", breaks=(Break("misjoined", 100, 100, 0.0),))
-    assert "from scan 100 on the track was lost" in said
+def test_a_lost_track_that_is_joined_in_a_place_like_others_is_a_reason():
+    said = reason(engine="slam", breaks=(Break("ambiguous", 100, 100, 0.0),))
+    assert "after scan 100, where the track was lost, matches have joined it in a place that looks like others" in said
     assert "what helps: a log with wheel odometry; or drive from one part to the other once more" in said
 
 

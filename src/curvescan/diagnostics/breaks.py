@@ -2,7 +2,7 @@
 
 Three things break it and leave covariances as they are: a scanner that repeats a scan while the sensor drives, parts
 of a map that wheels alone tie though the scans on either side should match, and a track that was lost and is joined in
-a place that only looks alike.
+a place that looks like others.
 """
 
 from typing import NamedTuple
@@ -17,19 +17,19 @@ from curvescan.odometry.step import StepOutcome
 from curvescan.slam import Localizer
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Bools, Floats, Pose
+from curvescan.types import Bools, Floats, Ints, Pose
 
 _STILL = 0.02  # a sensor stands that moves and turns by no more, metres and radians
 _NEAR = 0.5  # scans so near to each other see the same, metres and radians
 _N_SCANS = 5  # scans after a break in which the track is found again, or lost
-_N_VIEWS = 10  # keyframes of a track, one of which at least is found in a map that shows the place
+_N_VIEWS = 20  # most keyframes of a track, one of which at least tells its place, where there are half as many
 _TIMES, _USUAL = 3, 0.95  # a leap is so many times as long as this quantile of the steps
 
 
 class Break(NamedTuple):
     """A break: first and last scan of what is wrong, and the metres that no scan shows."""
 
-    kind: str  # "frozen", "untied" or "misjoined"
+    kind: str  # "frozen", "untied" or "ambiguous"
     first: int
     last: int
     metres: float
@@ -59,10 +59,10 @@ def find_untied(record: RunRecord, wheels: Pose, log: Log, slam_map: SlamMap) ->
     return [Break("untied", k, k, 0.0) for k in begins if 2 * log[k].valid.sum() > record.n_matched[k - 1]]
 
 
-def find_misjoined(record: RunRecord, slam_map: SlamMap) -> list[Break]:
-    """Return where a lost track goes on, and a map of what came before does not show the rest where it was joined."""
+def find_ambiguous(record: RunRecord, slam_map: SlamMap) -> list[Break]:
+    """Return where a lost track was joined in a place like others: views tell no place from the next."""
     lost = (k for k, outcome in enumerate(record.outcomes) if outcome is StepOutcome.LOST)
-    return [Break("misjoined", k, k, 0.0) for k in lost if _is_elsewhere(slam_map, k)]
+    return [Break("ambiguous", k, k, 0.0) for k in lost if _is_ambiguous(slam_map, k)]
 
 
 def _begins(mask: Bools) -> Bools:
@@ -75,21 +75,23 @@ def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap) -> bo
     motion = np.abs(se2.between(wheels[k - 1], wheels[k]))
     if StepOutcome.RELOCALIZED in record.outcomes[k : k + _N_SCANS] or not (motion < _NEAR).all():
         return False
-    scans = np.where(slam_map.sessions == slam_map.n_sessions - 1, slam_map.indices, -1)[slam_map.ends]
-    is_matched = (slam_map.kinds != EdgeKind.MOTION) & (slam_map.weights > 0.5)
-    return not (is_matched & (scans.min(axis=1) < k) & (scans.max(axis=1) >= k)).any()
+    return not _tied_since(slam_map, k)[0].size
 
 
-def _is_elsewhere(slam_map: SlamMap, k: int) -> bool:
-    """Return whether the first keyframes since scan k are not where a map of those before it alone finds them."""
-    scans = np.where(slam_map.sessions == slam_map.n_sessions - 1, slam_map.indices, 0)
+def _is_ambiguous(slam_map: SlamMap, k: int) -> bool:
+    """Return whether nothing seen since matches tied it to what was before scan k tells its place there from others."""
+    tied, scans = _tied_since(slam_map, k)
     localizer = Localizer(part_of(slam_map, np.flatnonzero(scans <= max(k - _N_SCANS, 0))))
-    since = np.flatnonzero(scans >= k)[:_N_VIEWS].tolist()
-    for row in since:
-        pose = localizer.add(slam_map.scans[row], slam_map.poses[row]).pose
-        if np.isfinite(pose[0]):
-            return not bool((np.abs(se2.between(slam_map.poses[row], pose)) < _NEAR).all())
-    return len(since) == _N_VIEWS
+    views = np.flatnonzero(scans >= tied.min(initial=k))[:_N_VIEWS].tolist()
+    is_told = any(localizer.tells(slam_map.scans[row], slam_map.poses[row]) for row in views)
+    return tied.size > 0 and 2 * len(views) >= _N_VIEWS and not is_told
+
+
+def _tied_since(slam_map: SlamMap, k: int) -> tuple[Ints, Ints]:
+    """Return the scans from k on that matches tie to some before it, and of all keyframes; 0 for earlier sessions."""
+    scans = np.where(slam_map.sessions == slam_map.n_sessions - 1, slam_map.indices, 0)
+    ends = scans[slam_map.ends[(slam_map.kinds != EdgeKind.MOTION) & (slam_map.weights > 0.5)]]
+    return ends.max(axis=1)[(ends.min(axis=1) < k) & (ends.max(axis=1) >= k)], scans
 
 
 def _stands_since(poses: Pose) -> int:

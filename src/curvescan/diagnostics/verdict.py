@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan.configs import shipped_table
-from curvescan.diagnostics.breaks import Break, find_breaks, find_misjoined, find_untied
+from curvescan.diagnostics.breaks import Break, find_ambiguous, find_breaks, find_untied
 from curvescan.diagnostics.issues import Sentences
 from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.engines import RunRecord
@@ -224,8 +224,8 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
     breaks = find_breaks(record, evidence.most_sigma, wheels)
     if isinstance(engine, Slam):
         untied = () if wheels is None or log is None else find_untied(record, wheels, log, engine.map)
-        misjoined = find_misjoined(record, engine.map) if n_parts == 1 and StepOutcome.LOST in record.outcomes else ()
-        breaks = *breaks, *untied, *misjoined
+        ambiguous = find_ambiguous(record, engine.map) if n_parts == 1 and StepOutcome.LOST in record.outcomes else ()
+        breaks = *breaks, *untied, *ambiguous
     return replace(evidence, breaks=breaks)
 
 

@@ -34,6 +34,7 @@ from curvescan.slam.localization.matching import WORSE, Hit, MapMatcher, fused
 from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, Views, said
 from curvescan.slam.map import SlamMap
+from curvescan.types import Pose
 
 _SEARCHED = np.diag(np.square([0.5 * STEP_M, 0.5 * STEP_M, STEP_RAD]))
 """Covariance of a pose that the search found, as a guess for matches: metres and radians."""
@@ -143,6 +144,12 @@ class Localizer:
         if self.config.odometry.deskew:  # as the map's keyframes are
             scan = self._deskewer.deskewed(scan, step.motion)
         return self._look(scan, step) if self._fix is None else self._track(scan, step, self._fix)
+
+    def tells(self, scan: LaserScan, pose: Pose) -> bool:
+        """Return whether a scan by itself speaks clearly more for a (3,) pose than for any other place in the map."""
+        points = points_of(scan)
+        view = said(contour_length(points), self._matching.field.agreement(points, pose))
+        return self._search.look(scan).is_best(pose, view.by_walls)
 
     def _look(self, scan: LaserScan, step: Step) -> Step:
         """Look for the sensor in the whole map."""
