@@ -12,7 +12,7 @@ import pytest
 import curvescan as cs
 from curvescan import se2
 from curvescan.cli.console import propose_commands
-from curvescan.diagnostics.breaks import Break, find_ambiguous
+from curvescan.diagnostics.breaks import Break, find_ambiguous, find_torn
 from curvescan.diagnostics.issues import Issue, Remedy
 from curvescan.diagnostics.verdict import MAX_OPEN_SHARE, Evidence, judge, largest_sigma, verdict_of
 from curvescan.editing.operations import part_of
@@ -20,6 +20,7 @@ from curvescan.engines import run_engine
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.slam import Slam
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from tests.scenes import room_scan
 
 STALE = Issue(topic="beams", kind="stale_beams", what="30% of the readings are old", remedy=Remedy("drop_stale", True))
@@ -270,6 +271,22 @@ def test_a_track_that_tells_no_place_is_told_where_it_is_long(map_and_record, n_
         scans[row] = other[8 * n % len(other)]
     there = part_of(replace(slam_map, scans=tuple(scans)), np.arange(since[0] + n_keyframes))
     assert bool(find_ambiguous(record, there)) is is_told
+
+
+@pytest.mark.parametrize(("kind", "has_wheels", "is_told"), [(0, False, True), (1, False, False), (1, True, True)])
+def test_a_measured_step_that_the_loops_refuse_is_a_tear(kind, has_wheels, is_told):
+    graph = PoseGraph()
+    for x in (0.0, 1.0, 4.0):
+        graph.add_pose(np.array([x, 0.0, 0.0]))
+    ahead, cov = np.array([1.0, 0.0, 0.0]), 1e-4 * np.eye(3)
+    graph.add_edge(0, 1, ahead, cov, EdgeKind.MATCH)
+    graph.add_edge(1, 2, ahead, cov, EdgeKind(kind), weight=1e-4)
+    engine = SimpleNamespace(graph=graph, keyframes=[SimpleNamespace(index=5 * k) for k in range(3)])
+    assert find_torn(engine, 2.1, has_wheels=has_wheels) == []
+    torn = find_torn(engine, 1.9, has_wheels=has_wheels)
+    assert [(b.first, b.last) for b in torn] == [(5, 10)] * is_told
+    if torn:
+        assert "between scans 5 and 10 the map is torn by 2.0 m" in reason(engine="slam", breaks=tuple(torn))
 
 
 def test_a_lost_track_that_is_joined_in_a_place_like_others_is_a_reason():

@@ -1,8 +1,8 @@
 """Breaks: where a drive goes on as no scan shows it.
 
-Three things break it and leave covariances as they are: a scanner that repeats a scan while the sensor drives, parts
-of a map that wheels alone tie though the scans on either side should match, and a track that was lost and is joined in
-a place that looks like others.
+What breaks it and leaves covariances as they are: a scanner that repeats a scan while the sensor drives, parts of a map
+that wheels alone tie though the scans on either side should match, a track that was lost and is joined in a place that
+looks like others, and a step that is measured and does not go with the loops.
 """
 
 from typing import NamedTuple
@@ -14,10 +14,10 @@ from curvescan.editing.operations import part_of
 from curvescan.engines import RunRecord
 from curvescan.io.log import Log
 from curvescan.odometry.step import StepOutcome
-from curvescan.slam import Localizer
+from curvescan.slam import Localizer, Slam
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Bools, Floats, Ints, Pose
+from curvescan.types import Bools, Ints, Pose
 
 _STILL = 0.02  # a sensor stands that moves and turns by no more, metres and radians
 _NEAR = 0.5  # scans so near to each other see the same, metres and radians
@@ -29,13 +29,13 @@ _TIMES, _USUAL = 3, 0.95  # a leap is so many times as long as this quantile of 
 class Break(NamedTuple):
     """A break: first and last scan of what is wrong, and the metres that no scan shows."""
 
-    kind: str  # "frozen", "untied" or "ambiguous"
+    kind: str  # "frozen", "untied", "ambiguous" or "torn"
     first: int
     last: int
     metres: float
 
 
-def find_breaks(record: RunRecord, most: float, wheels: Pose | None) -> tuple[Break, ...]:
+def find_frozen(record: RunRecord, most: float, wheels: Pose | None) -> list[Break]:
     """Return where a scanner froze for longer than `most`, metres; wheels (n, 3): where they are used."""
     n = len(record.outcomes)
     steps = np.diff(record.trajectory.poses[:, :2], axis=0)
@@ -46,11 +46,12 @@ def find_breaks(record: RunRecord, most: float, wheels: Pose | None) -> tuple[Br
     is_first = _begins(record.is_failed)
     for k in (*np.flatnonzero(is_first | (way > _TIMES * usual) | _begins(record.is_degenerate)).tolist(), n):
         begin = _stands_since(record.odometry.poses[:k])
-        driven = 0.0 if wheels is None else _farthest(wheels[begin:k])
+        since = [] if wheels is None else np.hypot(*(wheels[begin:k, :2] - wheels[begin, :2]).T)
+        driven = float(np.nan_to_num(since, posinf=0.0).max(initial=0.0))
         leap = float(leaps[k : k + _N_SCANS].max(initial=0.0))
         if driven > most or 0.0 < leap <= usual * (k - 1 - begin):
             found.append(Break("frozen", begin, k - 1, driven if driven > most else leap))
-    return tuple(found)
+    return found
 
 
 def find_untied(record: RunRecord, wheels: Pose, log: Log, slam_map: SlamMap) -> list[Break]:
@@ -63,6 +64,18 @@ def find_ambiguous(record: RunRecord, slam_map: SlamMap) -> list[Break]:
     """Return where a lost track was joined in a place like others: views tell no place from the next."""
     lost = (k for k, outcome in enumerate(record.outcomes) if outcome is StepOutcome.LOST)
     return [Break("ambiguous", k, k, 0.0) for k in lost if _is_ambiguous(slam_map, k)]
+
+
+def find_torn(engine: Slam, most: float, *, has_wheels: bool) -> list[Break]:
+    """Return the steps that a match or wheels measured and that the closures of a map refuse by more than `most`."""
+    graph = engine.graph
+    is_measured = (graph.kinds == EdgeKind.MATCH) | (has_wheels & (graph.kinds == EdgeKind.MOTION))
+    rows = np.flatnonzero(is_measured & ~graph.is_followed)
+    i, j = graph.ends[rows].T
+    off = se2.between(graph.measured[rows], se2.between(graph.poses[i], graph.poses[j]))
+    scans = np.array([keyframe.index for keyframe in engine.keyframes])
+    torn = zip(scans[i].tolist(), scans[j].tolist(), np.hypot(off[:, 0], off[:, 1]).tolist(), strict=True)
+    return [Break("torn", first, last, metres) for first, last, metres in torn if metres > most]
 
 
 def _begins(mask: Bools) -> Bools:
@@ -100,9 +113,3 @@ def _stands_since(poses: Pose) -> int:
     off[:, 2] = np.abs(se2.wrap(off[:, 2]))
     moved = np.flatnonzero(~(off < _STILL).all(axis=1))
     return int(moved[-1]) + 1 if moved.size else 0
-
-
-def _farthest(poses: Pose) -> float:
-    """Return the greatest distance from the first pose, metres; 0 where none is known."""
-    off: Floats = np.hypot(poses[:, 0] - poses[0, 0], poses[:, 1] - poses[0, 1])
-    return float(np.max(off, where=np.isfinite(off), initial=0.0))

@@ -19,19 +19,13 @@ from curvescan.diagnostics.top_of_range import TopOfRange
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
-_CHANGED = 8.0
-"""Median change from sweep to sweep, in steps of the readings, from which on the scene counts as changing."""
-
+_CHANGED = 8.0  # median change from sweep to sweep, in steps of the readings, from which on the scene changes
 _NEAR = 4  # changes of up to so many steps are counted to estimate how often one of zero is expected
 _MIN_CHANGES = 20
 _MIN_STEP = 1e-4
 _MIN_PAIRS = 10
 _FIXED = 0.03  # largest standard deviation of a beam that keeps its reading, metres
-
-_MOVING = 0.2
-"""Standard deviation that half of the other beams exceed when the sensor moves, metres: where it stands, walls
-stand."""
-
+_MOVING = 0.2  # standard deviation that half of the other beams exceed, metres: else the sensor stands, as walls do
 _MAX_FIXED_SHARE = 0.3
 _FAR = 1e6  # deviations count up to this many metres, so that a reading of 1e300 has a square
 _BODY = 1.5  # how far from its laser a robot may reach, metres

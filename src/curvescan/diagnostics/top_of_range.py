@@ -23,8 +23,9 @@ _MIN_BEAMS = 0.5
 """Least share of the beams that have been in the band: the far end of a room is seen by fewer, from one place."""
 _STRAYS = 0.0005  # share of the largest readings that may lie above the band: single wrong ones
 _WIDTHS, _LOOSE_WIDTHS = (1, 2, 5, 10), (1, 2, 5, 10, 20)  # of a ring, bins: of any readings, of those of no surface
-_TIMES = 4
-"""How much denser a ring is than what lies beside it; in 17 real logs without codes no band is twice as dense."""
+_TIMES = (
+    4  # how much denser a ring is than what lies beside it; in 17 real logs without codes no band is twice as dense
+)
 _ONE_IN, _MIN_SCANS = 50, 20  # a ring has one reading in so many at least, in so many scans: fewer moved no drive
 _N_SURFACE, _LOOSE_IN = 4, 3  # neighbouring readings of a surface; readings of a ring, of which one is of no surface
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan.configs import shipped_table
-from curvescan.diagnostics.breaks import Break, find_ambiguous, find_breaks, find_untied
+from curvescan.diagnostics.breaks import Break, find_ambiguous, find_frozen, find_torn, find_untied
 from curvescan.diagnostics.issues import Sentences
 from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.engines import RunRecord
@@ -30,9 +30,7 @@ MAX_BRIDGED_SHARE, MAX_DRIVEN_SHARE = 0.2, 0.5
 """The same of SLAM, whose covariances tell what the motion bridged, and of wheels that are used: beyond it there is
 little left to map."""
 
-MAX_SIGMA = 0.5
-"""Greatest standard deviation of a position on a short path that can still be called known, metres."""
-
+MAX_SIGMA = 0.5  # greatest standard deviation of a position on a short path that can still be called known, metres
 MAX_DRIFT, MAX_SIGMA_SHARE = 0.02, 0.0125
 """The same of odometry as a share of a long path, and of SLAM as a share of the size of a large place."""
 
@@ -40,9 +38,7 @@ MAX_OPEN_SHARE, MAX_OPEN_SHARE_SLAM = 0.3, 0.9
 """Share of the scans that may leave the motion along one direction to what is usual, where no wheels tell it: of
 odometry, and of SLAM, whose covariances tell what it closed since. Beyond the second nothing tells what is usual."""
 
-MIN_FOUND = 0.9
-"""Share of the scans that must be found in a saved map."""
-
+MIN_FOUND = 0.9  # share of the scans that must be found in a saved map
 _SPOILING = ("stale_beams", "turns_against", "undeclared_code", "undeclared_codes", "no_valid_reading")
 """Kinds of issues that spoil readings so that what is made of them is not to be trusted."""
 
@@ -221,12 +217,14 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
     if evidence.engine == "localization" or len(poses) < 2:
         return evidence
     wheels = prepared.odometry_poses if prepared is not None and record.has_prior else None
-    breaks = find_breaks(record, evidence.most_sigma, wheels)
+    breaks = find_frozen(record, evidence.most_sigma, wheels)
     if isinstance(engine, Slam):
-        untied = () if wheels is None or log is None else find_untied(record, wheels, log, engine.map)
-        ambiguous = find_ambiguous(record, engine.map) if n_parts == 1 and StepOutcome.LOST in record.outcomes else ()
-        breaks = *breaks, *untied, *ambiguous
-    return replace(evidence, breaks=breaks)
+        breaks += find_torn(engine, evidence.most_sigma, has_wheels=wheels is not None)
+        if wheels is not None and log is not None:
+            breaks += find_untied(record, wheels, log, engine.map)
+        if n_parts == 1 and StepOutcome.LOST in record.outcomes:
+            breaks += find_ambiguous(record, engine.map)
+    return replace(evidence, breaks=tuple(breaks))
 
 
 def largest_sigma(record: RunRecord, engine: Engine) -> float:

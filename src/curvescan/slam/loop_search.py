@@ -27,23 +27,15 @@ from curvescan.slam.open_direction import placed
 from curvescan.slam.pose_graph.graph import is_whole
 from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
-N_LINKED = 3
-"""Preceding keyframes that a new one is matched with."""
+N_LINKED = 3  # preceding keyframes that a new one is matched with
+_SIGMAS = 3.0  # standard deviations that a keyframe may lie from where the graph has it
+_MIN_SIMILARITY = 0.8  # least similarity by the place index of keyframes of a vague relative pose
+_N_LOGGED = 50_000  # loop-closure candidates whose record is kept, the latest
+_FARTHEST = 6.0  # keyframes of a known relative pose are matched up to here, metres: opposite views share least nearby
 
-_FARTHEST = 6.0
-"""Keyframes whose relative pose is known are matched up to here, metres: opposite views share least where they meet."""
-
-_SIGMAS = 3.0
-"""Standard deviations that a keyframe may lie from where the graph has it."""
-
-_N_CERTAIN, _N_UNCERTAIN = 5, 6
-"""Earlier keyframes that a new one is matched with, at most: of a known relative pose, and of one that is not."""
-
-_MIN_SIMILARITY = 0.8
-"""Least similarity by the place index of keyframes of a vague relative pose."""
-
-_N_LOGGED = 50_000
-"""Loop-closure candidates whose record is kept, the latest."""
+_N_CERTAIN, _N_UNCERTAIN, _N_BESIDE = 5, 6, 2
+"""Earlier keyframes that a new one is matched with, at most: of a known relative pose, of one that is not, and beside a
+closure that waits."""
 
 
 class Candidate(NamedTuple):
@@ -81,6 +73,24 @@ class LoopSearch:
         relative, covariances = growing.belief.seen_from(rows, poses, growing.since)
         profiles = keyframes.profiles.array
         self._queue += choose_candidates(k, rows, relative, covariances, self.config, profiles, similarity[rows])
+        if self._pool and not (last := self._pool[-1]).is_accepted and k - last.j <= N_NEAR:
+            self._queue += self._beside(last, k)
+
+    def _beside(self, waiting: Closure, k: int) -> list[Candidate]:
+        """Return keyframes that see what one of row k does if a closure that waits, where nobody looks, is right."""
+        growing, poses, i = self._map, self._map.graph.poses, waiting.i
+        rows = np.arange(max(i - N_NEAR, 0), min(i + N_NEAR, k))
+        here = se2.compose(se2.compose(poses[i], waiting.pose), se2.between(poses[waiting.j], poses[k]))
+        if np.hypot(*(here - poses[k])[:2]) < self.config.closures.reach:
+            return []
+        chosen = np.sort([c.i for c in self._overlapping(k, rows, se2.between(poses[rows], here))[:_N_BESIDE]])
+        _, covariances = growing.belief.seen_from(chosen.astype(np.int64), poses, growing.since)
+        return [Candidate(int(i), k, cov) for i, cov in zip(chosen, covariances, strict=True)]
+
+    def _overlapping(self, k: int, rows: Ints, relative: Pose) -> list[Candidate]:
+        """Return those of some keyframes that see what one of row k does, seen surely from them at relative (n, 3)."""
+        cov = np.broadcast_to(self.config.noise.spread, (len(rows), 3, 3))
+        return choose_candidates(k, rows, relative, cov, self.config, self._map.keyframes.profiles.array)
 
     def work(self, index: int, n_most: int) -> list[Closure]:
         """Match so much of the queue with scan `index`, and return the closures accepted."""
@@ -94,7 +104,7 @@ class LoopSearch:
         """
         from scipy.spatial import cKDTree  # loads for a good part of a second
 
-        graph, profiles = self._map.graph, self._map.keyframes.profiles.array
+        graph = self._map.graph
         graph.keep_edges(~graph.is_closure | is_whole(graph.edge_covariances))
         tied = set(map(tuple, np.sort(graph.ends).tolist()))
         fragments, poses, new = np.array(self._map.fragments), graph.poses, []
@@ -102,8 +112,7 @@ class LoopSearch:
         for k in range(1, graph.n_poses):
             rows = np.sort(places.query_ball_point(poses[k, :2], _FARTHEST))
             rows = rows[(rows < k) & (fragments[rows] == fragments[k])]
-            cov = np.broadcast_to(self.config.noise.spread, (len(rows), 3, 3))
-            chosen = choose_candidates(k, rows, se2.between(poses[rows], poses[k]), cov, self.config, profiles)
+            chosen = self._overlapping(k, rows, se2.between(poses[rows], poses[k]))
             new += [c for c in chosen if (c.i, c.j) not in tied]
         given = self._map.keyframes, poses, self.config, index  # an optimization was last: none moves another one
         others, found = beside(matched, *given, new[1::2]), matched(*given, new[::2])
