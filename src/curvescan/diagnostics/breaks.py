@@ -38,16 +38,15 @@ class Break(NamedTuple):
 def find_frozen(record: RunRecord, most: float, wheels: Pose | None) -> list[Break]:
     """Return where a scanner froze for longer than `most`, metres; wheels (n, 3): where they are used."""
     n = len(record.outcomes)
-    steps = np.diff(record.trajectory.poses[:, :2], axis=0)
-    way = np.concatenate(([0.0], np.hypot(steps[:, 0], steps[:, 1])))
+    way = np.concatenate(([0.0], np.hypot(*np.diff(record.trajectory.poses[:, :2], axis=0).T)))
     usual = float(np.quantile(way[1:], _USUAL)) if n > 1 else 0.0
     leaps = np.where(way > max(_TIMES * usual, most), way, 0.0)
     found = []
-    is_first = _begins(record.is_failed)
-    for k in (*np.flatnonzero(is_first | (way > _TIMES * usual) | _begins(record.is_degenerate)).tolist(), n):
+    begins = _begins(record.is_failed) | _begins(record.is_degenerate) | (way > _TIMES * usual)
+    for k in (*np.flatnonzero(begins).tolist(), n):
         begin = _stands_since(record.odometry.poses[:k])
-        since = [] if wheels is None else np.hypot(*(wheels[begin:k, :2] - wheels[begin, :2]).T)
-        driven = float(np.nan_to_num(since, posinf=0.0).max(initial=0.0))
+        off = [] if wheels is None else np.hypot(*(wheels[begin:k, :2] - wheels[begin, :2]).T)
+        driven = float(np.nan_to_num(off, posinf=0.0).max(initial=0.0))
         leap = float(leaps[k : k + _N_SCANS].max(initial=0.0))
         if driven > most or 0.0 < leap <= usual * (k - 1 - begin):
             found.append(Break("frozen", begin, k - 1, driven if driven > most else leap))
@@ -94,10 +93,11 @@ def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap) -> bo
 def _is_ambiguous(slam_map: SlamMap, k: int) -> bool:
     """Return whether nothing seen since matches tied it to what was before scan k tells its place there from others."""
     tied, scans = _tied_since(slam_map, k)
+    views = np.flatnonzero(scans >= tied.min()).tolist()[:_N_VIEWS] if tied.size else []
+    if 2 * len(views) < _N_VIEWS:
+        return False
     localizer = Localizer(part_of(slam_map, np.flatnonzero(scans <= max(k - _N_SCANS, 0))))
-    views = np.flatnonzero(scans >= tied.min(initial=k))[:_N_VIEWS].tolist()
-    is_told = any(localizer.tells(slam_map.scans[row], slam_map.poses[row]) for row in views)
-    return tied.size > 0 and 2 * len(views) >= _N_VIEWS and not is_told
+    return not any(localizer.tells(slam_map.scans[row], slam_map.poses[row]) for row in views)
 
 
 def _tied_since(slam_map: SlamMap, k: int) -> tuple[Ints, Ints]:

@@ -146,7 +146,7 @@ class Localizer:
         return self._look(scan, step) if self._fix is None else self._track(scan, step, self._fix)
 
     def tells(self, scan: LaserScan, pose: Pose) -> bool:
-        """Return whether a scan by itself speaks clearly more for a (3,) pose than for any other place in the map."""
+        """Return whether a scan alone speaks clearly more for a (3,) pose in the map than for any other place."""
         points = points_of(scan)
         view = said(contour_length(points), self._matching.field.agreement(points, pose))
         return self._search.look(scan).is_best(pose, view.by_walls)
