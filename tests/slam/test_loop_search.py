@@ -25,18 +25,23 @@ WAITS = Closure(
 )  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def drifted() -> GrowingMap:
-    """A drive of which the first 21 keyframes are 16 and five of them again, where the graph has them 30 m off."""
+def driven(off: float) -> GrowingMap:
+    """A drive of which the first 21 keyframes are 16 and five of them again, where the graph has them metres off."""
     log = cs.simulate("office", n_scans=6 * N_LAP, seed=4)
     scans, poses = list(log)[::6], log.truth.poses[::6]
     growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
     growing.start(scans[0], 0, np.zeros(3))
     order = [*range(N_LAP), *range(5)]
     for before, k in pairwise(order):
-        motion = se2.between(poses[before], poses[k]) + np.array([30.0 * (k < before), 0.0, 0.0])
+        motion = se2.between(poses[before], poses[k]) + np.array([off * (k < before), 0.0, 0.0])
         growing.append(scans[k], k, UncertainPose(motion, np.diag([0.01, 0.01, 0.001])))
     return growing
+
+
+@pytest.fixture(scope="module")
+def drifted() -> GrowingMap:
+    """The end lies 30 m off."""
+    return driven(30.0)
 
 
 @pytest.mark.parametrize(
@@ -55,3 +60,14 @@ def test_beside_a_closure_that_waits_others_are_tried(drifted, waiting, is_follo
     tried = [c for c in search._queue if c.i < N_LAP - 4]
     assert bool(tried) is is_followed
     assert all(abs(c.i - (k - N_LAP)) <= 3 for c in tried)
+
+
+@pytest.mark.parametrize("off", [0.0, 30.0])
+def test_nothing_is_tried_twice_nor_where_the_graph_looks_anyway(off):
+    growing = driven(off)
+    k = growing.graph.n_poses - 1
+    search = LoopSearch(growing, growing.config)
+    found = search._beside(WAITS, k)
+    assert bool(found) is (off > 0.0)
+    search._queue += found
+    assert search._beside(WAITS, k) == []

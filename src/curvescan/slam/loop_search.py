@@ -63,7 +63,7 @@ class LoopSearch:
 
     def enqueue(self, k: int) -> None:
         """Queue the keyframes that the newest one, of row k, is to be matched with."""
-        growing, keyframes = self._map, self._map.keyframes
+        growing, keyframes, profiles = self._map, self._map.keyframes, self._map.keyframes.profiles.array
         linked = [i for i in range(max(k - N_LINKED, 0), k - 1) if growing.fragments[i] == growing.fragments[k]]
         self._queue += [Candidate(i, k, growing.along(i).cov) for i in linked]
         poses, similarity = growing.graph.poses, keyframes.index.similarity(keyframes.signature(keyframes.prepared(k)))
@@ -71,7 +71,6 @@ class LoopSearch:
         rows = (similarity >= _MIN_SIMILARITY) | (np.hypot(*(poses[:, :2] - poses[k, :2]).T) < _FARTHEST)
         rows = np.flatnonzero(rows[:k])
         relative, covariances = growing.belief.seen_from(rows, poses, growing.since)
-        profiles = keyframes.profiles.array
         self._queue += choose_candidates(k, rows, relative, covariances, self.config, profiles, similarity[rows])
         if self._pool and not (last := self._pool[-1]).is_accepted and k - last.j <= N_NEAR:
             self._queue += self._beside(last, k)
@@ -83,9 +82,10 @@ class LoopSearch:
         here = se2.compose(se2.compose(poses[i], waiting.pose), se2.between(poses[waiting.j], poses[k]))
         if np.hypot(*(here - poses[k])[:2]) < self.config.closures.reach:
             return []
-        chosen = np.sort([c.i for c in self._overlapping(k, rows, se2.between(poses[rows], here))[:_N_BESIDE]])
-        _, covariances = growing.belief.seen_from(chosen.astype(np.int64), poses, growing.since)
-        return [Candidate(int(i), k, cov) for i, cov in zip(chosen, covariances, strict=True)]
+        found = {c.i for c in self._overlapping(k, rows, se2.between(poses[rows], here))[:_N_BESIDE]}
+        chosen = np.array(sorted(found - {c.i for c in self._queue if c.j == k}), dtype=np.int64)
+        _, covariances = growing.belief.seen_from(chosen, poses, growing.since)
+        return [Candidate(i, k, cov) for i, cov in zip(chosen.tolist(), covariances, strict=True)]
 
     def _overlapping(self, k: int, rows: Ints, relative: Pose) -> list[Candidate]:
         """Return those of some keyframes that see what one of row k does, seen surely from them at relative (n, 3)."""
