@@ -1,7 +1,7 @@
 """The motion prior of a log: its wheel odometry, or else its gyroscope, where it agrees with the scans.
 
-Short motions from all over a log are matched without a guess. A laser without beam times sweeps from one stamp to the
-next: on the turn such sweeps are bent, and match the better the more of the bend the gyroscope's turn takes out.
+Motions from all over a log are matched that are short, and known as no more. A laser without beam times sweeps from one
+stamp to the next: on the turn such sweeps are bent, and match better the more of it the gyroscope takes out.
 """
 
 import math
@@ -18,13 +18,14 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Log, ScanAccess
 from curvescan.matchers import match
 from curvescan.scan import LaserScan
-from curvescan.se2 import wrap
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Floats, Pose
 
 _N_MOTIONS = 150
 _SHORTEST, _LONGEST, _MAX_TURN = 0.1, 0.5, 0.5
 """Motions that are compared: metres, metres, radians. Shorter ones say nothing, longer ones are harder to match."""
 
+_SHORT = UncertainPose(np.zeros(3), np.diag([_LONGEST, _LONGEST, _MAX_TURN]) ** 2)
 _MAX_SCANS = 60  # most scans that a motion takes
 _SURE = 0.9  # confidence of a match from which on it is compared
 _N_SURE_MOTIONS = 10  # sure matches that it takes to judge
@@ -39,8 +40,7 @@ def compare_motion(log: Log, poses: Pose) -> tuple[bool, str]:
     """Return whether (n, 3) poses by wheels, or by a gyroscope (x, y NaN), agree with matched scans, and a sentence."""
     n_sure = n_agreeing = 0
     for i, j in _motions(poses[: len(log)]):
-        seen = sure_motion(log[i], log[j])
-        if seen is None:
+        if (seen := sure_motion(log[i], log[j])) is None:
             continue
         n_sure += 1
         measured = se2.between(poses[i], poses[j])
@@ -54,8 +54,8 @@ def compare_motion(log: Log, poses: Pose) -> tuple[bool, str]:
 
 
 def sure_motion(earlier: LaserScan, later: LaserScan) -> Pose | None:
-    """Return the (3,) motion between two scans by a match without a guess; None unless all of it is sure."""
-    found = match(earlier, later)
+    """Return the (3,) motion between two scans by a match that knows it is short; None unless all of it is sure."""
+    found = match(earlier, later, prior=_SHORT)
     return found.pose if found.ok and found.confidence > _SURE and found.degenerate_direction is None else None
 
 
@@ -224,7 +224,7 @@ def judge_gyroscope(log: Log, turned: Floats) -> Gyroscope:
     np.divide(np.diff(turned), seconds, out=rates[1:], where=seconds > 0.0)
     steps = np.unique(np.linspace(1, max(len(stamps) - 1, 1), _N_STEPS).astype(int)).tolist()
     biases = [
-        float(rates[k] - wrap(motion[2]) / seconds[k - 1])
+        float(rates[k] - se2.wrap(motion[2]) / seconds[k - 1])
         for k in steps
         if k < rates.size and math.isfinite(rates[k]) and (motion := sure_motion(log[k - 1], log[k])) is not None
     ]

@@ -115,8 +115,7 @@ def test_the_real_log_and_its_wheels_turn_the_same_way(real_data: Path) -> None:
     wheels = np.diff(np.unwrap(log.odometry.poses[:300, 2]))
     laser = np.diff(np.unwrap(poses[:, 2]))
     # the scans are older than the ticks of their lines by one line or two. Left and right changed, or a mirrored laser,
-    # would
-    # give -0.9
+    # would give -0.9
     assert np.corrcoef(wheels[:-1], laser[1:])[0, 1] > 0.85
     ahead = se2.between(poses[:-1], poses[1:])[:, 0]
     wheels_ahead = se2.between(log.odometry.poses[:299], log.odometry.poses[1:300])[:, 0]
