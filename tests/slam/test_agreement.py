@@ -57,6 +57,16 @@ def test_a_stretch_that_looks_alike_is_no_surer_the_longer_it_is() -> None:
     np.testing.assert_allclose(odds, MOST_LOG_ODDS + 3.0)
 
 
+@pytest.mark.parametrize("expectation", [-1.0, 0.0, 2.8])
+def test_corridors_that_look_alike_all_along_close_nothing_that_the_graph_does_not_expect(expectation) -> None:
+    """ACES: a fragment was joined by 17 views of another corridor, of which each was likely; Duke's end, by nine."""
+    along = np.diag([3600.0, 1e-4, 2.5e-5])
+    pool = [replace(_closure(k, 20 + k, expectation=expectation), covariance=along) for k in range(0, 20, 2)]
+    n, odds = _lead(pool)
+    assert n == 10
+    np.testing.assert_allclose(odds, CONFIG.closures.log_odds + expectation)
+
+
 def test_what_contradicts_a_set_has_its_own_odds() -> None:
     true = [_closure(i, i + 30, expectation=10.0) for i in (0, 4)]
     lookalikes = [_closure(3 + i, 30 + i, ROOM, expectation=-4.0) for i in (0, 2, 4)]

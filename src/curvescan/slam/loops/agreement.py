@@ -3,7 +3,7 @@
 Pairs agree when the cycle through both closes within its covariance; a set in which all do is a clique (Mangelson,
 Dominic, Eustice and Vasudevan, "Pairwise consistent measurement set maximization for robust multi-robot map merging",
 ICRA 2018). Views of one place err alike: a match adds to the odds of its set in proportion to the way since the last
-one that counted. One place may look like another for a stretch, so that the sum is bounded.
+one that counted. The sum is bounded: places look alike for a stretch, corridors all along: alone they close nothing.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def lead_of(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig
     others = np.setdiff1d(np.arange(len(pool)), members)
     others = others[agreements(pool, others, members, chain, config, np.inf).mean(axis=1) < 0.5]
     against = others[largest_clique(agreements(pool, others, others, chain, config, known))]
-    return _odds(pool, members, chain) - max(_odds(pool, against, chain), 0.0)
+    return _odds(pool, members, chain, config) - max(_odds(pool, against, chain, config), 0.0)
 
 
 def agreements(pool: list[Closure], rows: Ints, columns: Ints, chain: Chain, config: SlamConfig, known: float) -> Bools:
@@ -60,7 +60,7 @@ def agreements(pool: list[Closure], rows: Ints, columns: Ints, chain: Chain, con
     return np.asarray(distances[np.ix_(rows, columns)] < GATE)
 
 
-def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
+def _odds(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig) -> float:
     """Return the log odds of a set: of its views, and of where the graph expects them."""
     if not len(members):
         return 0.0
@@ -75,8 +75,8 @@ def _odds(pool: list[Closure], members: Ints, chain: Chain) -> float:
         if new[k] > 0.0:
             total += float(new[k] / _VIEW_M * said[k])
             np.minimum(new, apart[k], out=new)
-    expectation = float(np.mean([c.expectation for c in chosen]))
-    return min(total, MOST_LOG_ODDS) + expectation
+    most = MOST_LOG_ODDS if is_whole(np.array([c.covariance for c in chosen])).any() else config.closures.log_odds
+    return min(total, most) + float(np.mean([c.expectation for c in chosen]))
 
 
 def largest_clique(agrees: Bools) -> Ints:
