@@ -67,6 +67,15 @@ def test_corridors_that_look_alike_all_along_close_nothing_that_the_graph_does_n
     np.testing.assert_allclose(odds, CONFIG.closures.log_odds + expectation)
 
 
+def test_of_a_set_the_graph_has_to_expect_what_is_new() -> None:
+    """What was accepted was expected: it may not bring in what the graph does not expect."""
+    accepted = [replace(_closure(i, i + 30, expectation=12.0), outcome=ClosureOutcome.ACCEPTED) for i in (0, 2, 4)]
+    n, lead = _lead([*accepted, _closure(6, 36, expectation=-8.0, confidence=0.55)])
+    assert n == 4
+    assert lead < CONFIG.closures.log_odds
+    assert _lead([*accepted, _closure(6, 36, expectation=3.0)])[1] > CONFIG.closures.log_odds
+
+
 def test_what_contradicts_a_set_has_its_own_odds() -> None:
     true = [_closure(i, i + 30, expectation=10.0) for i in (0, 4)]
     lookalikes = [_closure(3 + i, 30 + i, ROOM, expectation=-4.0) for i in (0, 2, 4)]

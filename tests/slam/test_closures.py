@@ -14,7 +14,8 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import Candidate, choose_candidates, matched
-from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, difference
+from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, expectation_of
+from curvescan.slam.loops.cycles import difference
 from curvescan.slam.loops.overlap import range_profile
 
 
@@ -110,6 +111,17 @@ def test_what_lies_behind_a_turn_of_any_size_is_off_along_one_line(turn: float) 
     off = difference(expected, found)
     lever = expected[:2] - hinge[:2]
     np.testing.assert_allclose(off, turn * np.array([-lever[1], lever[0], 1.0]), atol=1e-12)
+
+
+def test_behind_a_turn_that_nobody_saw_the_heading_found_tells_the_place(result: MatchResult) -> None:
+    """A round room: the place is unknown as the turn is, and the two together are known to decimetres."""
+    lever, turned = np.array([-2.0, 1.0, 1.0]), 1.5
+    cov = turned**2 * np.outer(lever, lever) + np.diag([0.04, 0.04, 0.01])
+    for off, is_likely in ((np.zeros(3), True), (1.2 * lever, True), (1.2 * lever * [-1.0, -1.0, 1.0], False)):
+        assert (expectation_of(off, cov, SlamConfig(), is_open=False) > 3.0) is is_likely
+    # corridors run side by side, whatever their heading
+    one, another = (expectation_of(np.zeros(3), cov, SlamConfig(), is_open=is_open) for is_open in (True, False))
+    assert one < another - 1.0
 
 
 def test_neighbours_are_not_tied_where_nothing_tells_how_they_lie(result: MatchResult) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
-from curvescan.se2.uncertain import UncertainPose, compose, fuse, inverse
+from curvescan.se2.uncertain import UncertainPose, compose, inverse
 from curvescan.slam.loops.cycles import Chain, cycle_distances
 from curvescan.types import Cov, Pose
 
@@ -34,7 +34,10 @@ def _twin(ends: np.ndarray, measured: Pose, covariances: Cov, poses: Pose, motio
             to_i = _by_graph(ends[b, 0], ends[a, 0], poses, motions)
             to_j = _by_graph(ends[a, 1], ends[b, 1], poses, motions)
             around = compose(compose(to_i, one), to_j)
-            found[a, b] = found[b, a] = fuse(around, other)[1]
+            # the constant motion that leads from one to the other, as it moves the whole plane
+            x, y, turn = se2.log(se2.compose(other.pose, se2.inverse(around.pose)))
+            off = np.array([x - around.pose[1] * turn, y + around.pose[0] * turn, turn])
+            found[a, b] = found[b, a] = off @ np.linalg.solve(around.cov + other.cov, off)
     return found
 
 

@@ -89,3 +89,38 @@ def test_a_false_closure_is_refused_though_it_bends_steps_more_than_itself() -> 
         graph.add_edge(0, k, np.array([0.64 * k + off, 0.0, 0.0]), 1e-4 * np.eye(3), EdgeKind.CLOSURE)
     solved, _ = solve(graph, SlamConfig().noise, is_last=True)
     assert solved.weights.tolist() == [1.0] * 8 + [0.0] + [1.0] * 3
+
+
+def test_a_turn_that_no_match_saw_is_the_less_known_the_more_scans_lie_between(scans: list[cs.LaserScan]) -> None:
+    """In a round room the turn of a scan goes on with the next; a scan without readings does not match."""
+    blind = cs.LaserScan(np.full(181, np.nan), angle_min=-np.pi / 2, angle_increment=np.pi / 180)
+    motion = UncertainPose(np.zeros(3), np.diag([1e-4, 1e-4, 0.04]) + 1e-3 * np.eye(3)[[0, 2, 1]])
+    found = []
+    for index, scan in ((1, blind), (10, blind), (10, scans[0])):
+        growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
+        growing.start(scans[0], 0, np.zeros(3))
+        growing.append(scan, index, motion)
+        found.append(growing.graph.edge_covariances[0])
+    one, many, matched = found
+    np.testing.assert_allclose(many[2, 2] / one[2, 2], 10.0, rtol=1e-3)
+    # the sensor goes along with the turn, and no farther across it
+    np.testing.assert_allclose(many[1, 2] / one[1, 2], 10.0, rtol=1e-3)
+    np.testing.assert_allclose(many[0], one[0])
+    assert matched[2, 2] < 1e-4  # one that did
+
+
+def test_what_came_since_the_last_optimization_is_known_by_the_way_between(scans: list[cs.LaserScan]) -> None:
+    growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
+    growing.start(scans[0], 0, np.zeros(3))
+    for k in (1, 2, 1, 2):
+        growing.append(scans[k], k, UncertainPose(np.array([0.5, 0.1, 0.3]), np.diag([0.01, 0.02, 0.001])))
+    growing.adopt(*solve(growing.graph, growing.config.noise, is_last=False))
+    for k in (1, 2):
+        growing.append(scans[k], k, UncertainPose(np.array([0.5, 0.1, 0.3]), np.diag([0.01, 0.02, 0.001])))
+    rows = np.array([0, 2, 4, 5])
+    relative, covariances = growing.seen_from(rows)
+    np.testing.assert_allclose(relative, cs.se2.between(growing.graph.poses[rows], growing.graph.poses[6]))
+    np.testing.assert_allclose(covariances[3], growing.along(5).cov)
+    # of those before, what is known of the last one comes first
+    np.testing.assert_allclose(covariances[2], growing.since.cov, atol=1e-12)
+    assert np.trace(covariances[1]) > np.trace(covariances[2])

@@ -15,7 +15,7 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.loop_search import LoopSearch
+from curvescan.slam.loop_search import LoopSearch, matched
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
 
 N_LAP = 16
@@ -63,11 +63,20 @@ def test_beside_a_closure_that_waits_others_are_tried(drifted, waiting, is_follo
 
 
 @pytest.mark.parametrize("off", [0.0, 30.0])
-def test_nothing_is_tried_twice_nor_where_the_graph_looks_anyway(off):
+def test_nothing_is_tried_where_the_graph_looks_anyway(off):
     growing = driven(off)
-    k = growing.graph.n_poses - 1
     search = LoopSearch(growing, growing.config)
+    assert bool(search._beside(WAITS, growing.graph.n_poses - 1)) is (off > 0.0)
+
+
+def test_others_are_matched_where_the_one_that_waits_says_and_gain_nothing_by_it(drifted):
+    search, poses, k = LoopSearch(drifted, drifted.config), drifted.graph.poses, drifted.graph.n_poses - 1
     found = search._beside(WAITS, k)
-    assert bool(found) is (off > 0.0)
-    search._queue += found
-    assert search._beside(WAITS, k) == []
+    here = se2.compose(poses[WAITS.i], se2.between(poses[WAITS.j], poses[k]))
+    for one in found:
+        np.testing.assert_allclose(one.asked, se2.between(poses[one.i], here), atol=1e-9)
+    asked = matched(drifted.keyframes, poses, drifted.config, 0, found)
+    alone = matched(drifted.keyframes, poses, drifted.config, 0, [one._replace(asked=None) for one in found])
+    for by_pose, free in zip(asked, alone, strict=True):
+        assert by_pose.confidence == pytest.approx(free.confidence, abs=0.02)
+        np.testing.assert_allclose(by_pose.pose, free.pose, atol=0.01)

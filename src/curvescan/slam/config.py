@@ -81,14 +81,16 @@ class NoiseConfig:
         """(3, 3) covariance that the difference of two estimates of one pose has besides theirs."""
         return 4.0 * self.floor
 
-    def slipped(self, motion: UncertainPose, way: float) -> UncertainPose:
+    def slipped(self, motion: UncertainPose, way: float, n_unseen: int) -> UncertainPose:
         """Return a motion of the odometry with what it may slip; way: metres since a match measured all of it.
 
-        Slips go on: their standard deviation grows with the way and not with its root.
+        Slips go on: their standard deviation grows with the way and not with its root, and that of a turn which no
+        match of keyframes saw with the scans in between, n_unseen.
         """
-        step = float(np.hypot(motion.pose[0], motion.pose[1]))
+        step, cov = float(np.hypot(motion.pose[0], motion.pose[1])), motion.cov + self.floor
         variance = self.slip**2 * step * (2.0 * way + step)
-        return UncertainPose(motion.pose, motion.cov + self.floor + np.diag([variance, variance, 0.0]))
+        turn = n_unseen / cov[2, 2] * np.outer(cov[2], cov[2])
+        return UncertainPose(motion.pose, cov + turn + np.diag([variance, variance, 0.0]))
 
     def doubled(self, pose: UncertainPose) -> UncertainPose:
         """Return a pose of twice its standard deviations and the floor's: motions in a row err together."""

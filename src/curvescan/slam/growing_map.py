@@ -17,15 +17,15 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.config import GATE, NoiseConfig, SlamConfig
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.loops.belief import Belief
-from curvescan.slam.loops.closures import Closure, difference
-from curvescan.slam.loops.cycles import Chain
+from curvescan.slam.loops.belief import Belief, composed_covariances
+from curvescan.slam.loops.closures import Closure
+from curvescan.slam.loops.cycles import Chain, difference
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, components
 from curvescan.slam.pose_graph.posterior import covariances_seen_from
 from curvescan.slam.pose_graph.robust import optimized
 from curvescan.slam.thinning import Heir, thin, with_heirs
-from curvescan.types import Bools, Cov, Pose
+from curvescan.types import Bools, Cov, Ints, Pose
 
 _NEARBY = 6.0
 """Convexity to begin with where the optimum is near that of the last one; else every edge is reconsidered."""
@@ -93,9 +93,9 @@ class GrowingMap:
         noise, k = self.config.noise, self.keyframes.add(scan, index, self._session)
         before = k - 1
         self.fragments.append(self.fragments[before])
-        step = noise.slipped(motion, self._open_way)
-        self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
         result, kind = self.keyframes.match(before, self.keyframes.prepared(k), None), EdgeKind.MOTION
+        step = noise.slipped(motion, self._open_way, 0 if result.ok else index - self.keyframes[before].index - 1)
+        self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
         if result.ok:
             found = as_measurement(result)
             found = UncertainPose(found.pose, noise.edge(found.cov))
@@ -117,6 +117,13 @@ class GrowingMap:
         """Return the newest keyframe seen from an earlier one along the keyframes between them."""
         way = reduce(compose, self._steps[i + 1 :], identity())
         return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[-1]), way.cov)
+
+    def seen_from(self, rows: Ints) -> tuple[Pose, Cov]:
+        """Return the newest keyframe seen from others, (m, 3) and (m, 3, 3); rows (m,) rising."""
+        known, later = np.split(rows, [np.searchsorted(rows, self.belief.n)])
+        by_belief = composed_covariances(self.belief.relative[known], self.belief.covariances[known], self.since)
+        along = np.reshape([self.along(i).cov for i in later.tolist()], (-1, 3, 3))
+        return se2.between(self.graph.poses[rows], self.graph.poses[-1]), np.concatenate((by_belief, along))
 
     def chain(self) -> Chain:
         """Return the keyframes; those since the last optimization lie along the odometry, as if no loop had closed."""

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from curvescan import se2
+from curvescan.matchers.result import WIDE_PRIOR
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
@@ -44,6 +45,7 @@ class Candidate(NamedTuple):
     i: int
     j: int
     covariance: Cov
+    asked: Pose | None = None  # (3,): j in the frame of i by another match, which says nothing for itself
 
 
 Beside: TypeAlias = Callable[..., Callable[[], Any]]
@@ -70,22 +72,21 @@ class LoopSearch:
         # what is known of a relative pose is costly: not of what lies afar and looks different
         rows = (similarity >= _MIN_SIMILARITY) | (np.hypot(*(poses[:, :2] - poses[k, :2]).T) < _FARTHEST)
         rows = np.flatnonzero(rows[:k])
-        relative, covariances = growing.belief.seen_from(rows, poses, growing.since)
+        relative, covariances = growing.seen_from(rows)
         self._queue += choose_candidates(k, rows, relative, covariances, self.config, profiles, similarity[rows])
-        if self._pool and not (last := self._pool[-1]).is_accepted and k - last.j <= N_NEAR:
-            self._queue += self._beside(last, k)
+        if waiting := [c for c in self._pool if not c.is_accepted and k - c.j <= N_NEAR]:
+            self._queue += self._beside(max(waiting, key=lambda c: c.log_odds + c.expectation), k)
 
     def _beside(self, waiting: Closure, k: int) -> list[Candidate]:
         """Return keyframes that see what one of row k does if a closure that waits, where nobody looks, is right."""
-        growing, poses, i = self._map, self._map.graph.poses, waiting.i
-        rows = np.arange(max(i - N_NEAR, 0), min(i + N_NEAR, k))
-        here = se2.compose(se2.compose(poses[i], waiting.pose), se2.between(poses[waiting.j], poses[k]))
-        if np.hypot(*(here - poses[k])[:2]) < self.config.closures.reach:
+        growing, poses, rows = self._map, self._map.graph.poses, np.arange(k)
+        here = se2.compose(se2.compose(poses[waiting.i], waiting.pose), se2.between(poses[waiting.j], poses[k]))
+        if not self.config.keyframes.is_far(se2.between(poses[k], here)):
             return []
-        found = {c.i for c in self._overlapping(k, rows, se2.between(poses[rows], here))[:_N_BESIDE]}
-        chosen = np.array(sorted(found - {c.i for c in self._queue if c.j == k}), dtype=np.int64)
-        _, covariances = growing.belief.seen_from(chosen, poses, growing.since)
-        return [Candidate(i, k, cov) for i, cov in zip(chosen.tolist(), covariances, strict=True)]
+        found = self._overlapping(k, rows, se2.between(poses[rows], here))[:_N_BESIDE]
+        chosen = np.array(sorted(c.i for c in found), dtype=np.int64)
+        covariances, asked = growing.seen_from(chosen)[1], se2.between(poses[chosen], here)
+        return [Candidate(i, k, cov, pose) for i, cov, pose in zip(chosen.tolist(), covariances, asked, strict=True)]
 
     def _overlapping(self, k: int, rows: Ints, relative: Pose) -> list[Candidate]:
         """Return those of some keyframes that see what one of row k does, seen surely from them at relative (n, 3)."""
@@ -207,9 +208,10 @@ class LoopSearch:
 def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, new: list[Candidate]) -> list[Closure]:
     """Return the matches of candidates, by row, and whether each is likely enough alone; poses (n, 3)."""
     found = []
-    for i, j, covariance in new:
+    for i, j, covariance, asked in new:
         expected = UncertainPose(se2.between(poses[i], poses[j]), covariance + config.noise.spread)
-        guess = expected if is_certain(expected, config) else None
+        known = expected if is_certain(expected, config) else None
+        guess = known if asked is None else UncertainPose(asked, WIDE_PRIOR.cov)
         result = keyframes.match(i, keyframes.prepared(j), guess)
         along = result.degenerate_direction
         if result.is_guess_decisive and along is None and is_loop(i, j):  # several places explain them: it is open

@@ -48,8 +48,7 @@ class Prior(NamedTuple):
         off = np.array(difference(pose, self.pose))
         along = self.precision @ direction
         steps = min(max(-float(along @ off) / float(along @ direction), -reach), reach)
-        nearest: Pose = pose + steps * direction
-        return nearest
+        return np.asarray(pose + steps * direction)
 
     @property
     def is_told(self) -> bool:

@@ -76,7 +76,8 @@ def _odds(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig) 
             total += float(new[k] / _VIEW_M * said[k])
             np.minimum(new, apart[k], out=new)
     most = MOST_LOG_ODDS if is_whole(np.array([c.covariance for c in chosen])).any() else config.closures.log_odds
-    return min(total, most) + float(np.mean([c.expectation for c in chosen]))
+    expected = [c.expectation for c in chosen if not c.is_accepted] or [c.expectation for c in chosen]
+    return min(total, most) + float(np.mean(expected))
 
 
 def largest_clique(agrees: Bools) -> Ints:

@@ -13,8 +13,9 @@ import numpy as np
 from curvescan import se2
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.agreement import agreements, largest_clique
-from curvescan.slam.loops.closures import Closure, difference, expectation_of
-from curvescan.slam.loops.cycles import Chain
+from curvescan.slam.loops.closures import Closure, expectation_of
+from curvescan.slam.loops.cycles import Chain, difference
+from curvescan.slam.pose_graph.graph import is_whole
 from curvescan.types import Floats, Ints, Pose
 
 _N_KEYFRAMES = 5
@@ -62,7 +63,8 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
         off = difference(se2.between(poses[one.i], poses[one.j]), one.pose)
         cov = one.covariance + config.noise.spread
         if not off @ np.linalg.solve(cov, off) < GATE:
-            against.append(replace(one, expectation=expectation_of(off, cov, config)))
+            expectation = expectation_of(off, cov, config, is_open=not is_whole(one.covariance))
+            against.append(replace(one, expectation=expectation))
     rest = sorted(against, key=lambda c: (c.j, c.i))
     chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
     found: list[list[Closure]] = []

@@ -13,7 +13,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.pose_graph.posterior import affines, carried
-from curvescan.types import Cov, Ints, Pose
+from curvescan.types import Cov, Pose
 
 
 class Belief(NamedTuple):
@@ -38,16 +38,6 @@ class Belief(NamedTuple):
     def last_seen_from(self, i: int) -> UncertainPose:
         """Return the last keyframe seen from another."""
         return UncertainPose(self.relative[i], self.covariances[i])
-
-    def seen_from(self, rows: Ints, poses: Pose, since: UncertainPose) -> tuple[Pose, Cov]:
-        """Return the newest of n keyframes seen from m others, (m, 3) and (m, 3, 3); rows (m,) rising, poses (n, 3)."""
-        known = rows[: np.searchsorted(rows, self.n)]
-        covariances = np.empty((len(rows), 3, 3))
-        covariances[: len(known)] = composed_covariances(self.relative[known], self.covariances[known], since)
-        # of keyframes that came since only the pose of the newest relative to the last known one is needed
-        widest = float(max(since.cov[0, 0], since.cov[1, 1]))
-        covariances[len(known) :] = np.diag([widest, widest, since.cov[2, 2]])
-        return se2.between(poses[rows], poses[-1]), covariances
 
 
 def composed_covariances(poses: Pose, covariances: Cov, then: UncertainPose) -> Cov:

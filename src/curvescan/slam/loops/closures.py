@@ -13,12 +13,12 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike
 
-from curvescan import se2
 from curvescan.matchers import MatchResult
 from curvescan.matchers.result import log_odds
 from curvescan.odometry.measurement import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
 from curvescan.slam.config import ANYWHERE_M, SlamConfig
+from curvescan.slam.loops.cycles import difference
 from curvescan.types import Bools, Cov, Pose
 
 _N_NEIGHBOURS = 10
@@ -97,33 +97,30 @@ def closure_of(
     if (along := result.degenerate_direction) is not None:  # a corridor seen askew would push what stands afar
         tried = replace(tried, pose=result.pose + ((expected.pose - result.pose) @ along) * along)
     distance = fuse(expected, found)[1]
-    expectation = expectation_of(difference(expected.pose, found.pose), expected.cov + found.cov, config)
+    off, is_open = difference(expected.pose, found.pose), along is not None
+    expectation = expectation_of(off, expected.cov + found.cov, config, is_open=is_open)
     tried = replace(tried, covariance=config.noise.edge(found.cov), distance=distance, expectation=expectation)
     if expectation + tried.log_odds > config.closures.log_odds:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
     return replace(tried, outcome=ClosureOutcome.WAITING if is_loop(i, j) else ClosureOutcome.UNEXPECTED)
 
 
-def difference(one: Pose, other: Pose) -> Pose:
-    """Return by how much the second pose is off: what lies behind a turn is off along one line, however far it goes."""
-    x, y, turn = se2.log(se2.compose(other, se2.inverse(one))).tolist()
-    return np.array([x - one[1] * turn, y + one[0] * turn, turn])
-
-
-def expectation_of(off: Pose, cov: Cov, config: SlamConfig) -> float:
+def expectation_of(off: Pose, cov: Cov, config: SlamConfig, *, is_open: bool) -> float:
     """Return how much the graph speaks for a match there: log odds against a wrong match, which may lie anywhere.
 
     A slip between two keyframes is as unlikely as a closure must be likely.
 
     off (3,): from where the graph expects it, as it is or after a slip; cov (3, 3): of the graph and the match
-    together. Nothing is gained along a direction that is not measured, as it is wide there.
+    together; is_open: whether a direction is not measured: corridors run side by side. Else the heading found tells how
+    far a turn that nobody saw has led astray.
     """
-    return max(_gained(off, cov), _gained(off, cov + SLIP) - config.closures.log_odds)
+    n = 2 if is_open else 3
+    return max(_gained(off, cov, n), _gained(off, cov + SLIP, n) - config.closures.log_odds)
 
 
-def _gained(off: Pose, cov: Cov) -> float:
-    (xx, xy, _), (_, yy, _), _ = cov.tolist()
-    anywhere = (xx + ANYWHERE_M**2) * (yy + ANYWHERE_M**2) - xy * xy  # headings, of the walls, tell nothing
-    gained = math.log(abs(anywhere / (xx * yy - xy * xy)))
+def _gained(off: Pose, cov: Cov, n: int) -> float:
     distance = fuse(UncertainPose(np.zeros(3), cov), UncertainPose(off, np.zeros((3, 3))))[1]
-    return 0.5 * (gained - distance) if math.isfinite(distance) else -math.inf
+    if not math.isfinite(distance):
+        return -math.inf
+    anywhere = cov + np.diag([ANYWHERE_M**2, ANYWHERE_M**2, 0.0])  # headings, of the walls, tell nothing
+    return 0.5 * (math.log(np.linalg.det(anywhere[:n, :n]) / np.linalg.det(cov[:n, :n])) - distance)

@@ -44,6 +44,16 @@ class Chain(NamedTuple):
 
 
 @kernel
+def difference(one: Pose, other: Pose) -> Pose:
+    """Return by how much the second pose is off: what lies behind a turn is off along one line, however far it goes."""
+    turn = wrap_angle(other[2] - one[2])
+    c, s, half = math.cos(turn), math.sin(turn), 0.5 * turn
+    x, y = other[0] - c * one[0] + s * one[1], other[1] - s * one[0] - c * one[1]
+    along = half / math.tan(half) if half != 0.0 else 1.0
+    return np.array([along * x + half * y - one[1] * turn, along * y - half * x + one[0] * turn, turn])
+
+
+@kernel
 def cycle_distances(
     ends: Ints,
     edges: tuple[Pose, Cov],
@@ -70,18 +80,9 @@ def cycle_distances(
             to, way = _way(chain, ends[b, 0], ends[a, 0], spread, step, known)
             to, way = composed(to, way, measured[a], covariances[a])
             back, rest = _way(chain, ends[a, 1], ends[b, 1], spread, step, known)
-            off, cov = composed(to, way, back, rest)
-            for k in range(3):
-                off[k] -= measured[b, k]
-                for m in range(3):
-                    cov[k, m] += covariances[b, k, m]
-            off[2] = wrap_angle(off[2])
-            weight = inverse3(cov)
-            found[a, b] = 0.0
-            for k in range(3):
-                for m in range(3):
-                    found[a, b] += off[k] * weight[k, m] * off[m]
-            found[b, a] = found[a, b]
+            closed, cov = composed(to, way, back, rest)
+            off = difference(closed, measured[b])
+            found[a, b] = found[b, a] = np.sum(np.outer(off, off) * inverse3(cov + covariances[b]))
     return found
 
 
@@ -100,6 +101,4 @@ def _way(chain: Chain, a: int, b: int, spread: Floats, step: float, known: float
     if max(cov[0, 0], cov[1, 1]) > known * known:
         cov[:] = 0.0
     n_edges = 1.0 + math.sqrt(dx * dx + dy * dy) / step
-    for k in range(3):
-        cov[k, k] += n_edges * spread[k]
-    return pose, cov
+    return pose, cov + n_edges * np.diag(spread)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import inlined, kernel
-from curvescan.matchers.curvescan.config import NEAR, SAME, CurvescanConfig
+from curvescan.matchers.curvescan.config import NEAR, SAME, SURE_SIGMAS, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.landmarks import Landmarks
 from curvescan.matchers.curvescan.features.range_image import RangeImage
@@ -26,7 +26,8 @@ _LEAST_SCORE = 0.1  # of a candidate: what scores less is there by chance, also 
 _TURN_STEP = 0.1
 _N_REFINED, _N_KEPT = 6, 4  # poses that are refined, and of these how many are candidates
 CONTESTED = 0.3  # a pose with this share of the best one's score competes with it, and is judged beside it
-_CERTAIN_SCORE = 0.55  # from which on a prior is followed
+_CERTAIN_SCORE = 0.55  # from which on a prior is followed; one that leaves no other place, unless it is doubtful
+_NARROW = (SURE_SIGMAS / NEAR) ** 2  # precision of that, 1/m^2
 
 
 class Problem(NamedTuple):
@@ -99,12 +100,12 @@ def refine_guess(ref: RangeImage, cur: RangeImage, prior: Prior, effort: Effort)
 
     And whether it may be right: much agrees there, and the prior has it there.
     """
-    guess = np.empty((1, 3))
-    for k in range(3):
-        guess[0, k] = prior.pose[k]
+    guess = prior.pose.copy().reshape((1, 3))
     refined, n_kept = refine(guess, ref, cur, effort.sigmas), len(guess)  # 1 that is no constant
     near, scores = select(refined, ref, cur, CLOSE[0], CLOSE[1], n_kept, effort.n_first[1], NEAR)
-    is_likely = scores.size > 0 and scores[0] > _CERTAIN_SCORE and log_odds(near, prior)[0][0] > TOLD
+    x, y = prior.precision[0, 0] - _NARROW, prior.precision[1, 1] - _NARROW
+    least = effort.doubtful_score if x > 0.0 and x * y > prior.precision[0, 1] ** 2 else _CERTAIN_SCORE
+    is_likely = scores.size > 0 and scores[0] > least and log_odds(near, prior)[0][0] > TOLD
     return Candidates(near, scores, n_kept), is_likely
 
 
