@@ -42,7 +42,7 @@ from curvescan.slam.records import Records
 from curvescan.types import Cov, Ints, Pose
 
 _VAGUE = 0.3
-"""A new keyframe is due when the way since the last one is known no better than this, metres."""
+"""A new keyframe is due when the way since the last one is known no better than this, metres and radians."""
 
 _N_LEAST, _GROWTH = 10, 0.05
 """Keyframes between two optimizations, and share by which the graph grows, at the least, unless a loop closes."""
@@ -132,7 +132,7 @@ class Slam:
             if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
                 seen = self._begin_fragment(scan, step, se2.compose(self._map.current_in_map().pose, seen.pose))
             elif step.is_driven or not step.is_unsettled:
-                is_vague = seen.cov[0, 0] + seen.cov[1, 1] >= _VAGUE**2
+                is_vague = np.trace(seen.cov) >= _VAGUE**2
                 if is_vague or self.config.keyframes.is_far(seen.pose):
                     seen = self._make_keyframe(scan, step, seen)
         self._n_scans += 1
