@@ -60,6 +60,7 @@ def test_beside_a_closure_that_waits_others_are_tried(drifted, waiting, is_follo
     tried = [c for c in search._queue if c.i < N_LAP - 4]
     assert bool(tried) is is_followed
     assert all(abs(c.i - (k - N_LAP)) <= 3 for c in tried)
+    assert len({(c.i, c.j) for c in tried}) == len(tried)  # none twice
 
 
 @pytest.mark.parametrize("off", [0.0, 30.0])
@@ -73,6 +74,7 @@ def test_others_are_matched_where_the_one_that_waits_says_and_gain_nothing_by_it
     search, poses, k = LoopSearch(drifted, drifted.config), drifted.graph.poses, drifted.graph.n_poses - 1
     found = search._beside(WAITS, k)
     here = se2.compose(poses[WAITS.i], se2.between(poses[WAITS.j], poses[k]))
+    assert found
     for one in found:
         np.testing.assert_allclose(one.asked, se2.between(poses[one.i], here), atol=1e-9)
     asked = matched(drifted.keyframes, poses, drifted.config, 0, found)
