@@ -78,7 +78,7 @@ def test_of_a_set_the_graph_has_to_expect_what_is_new() -> None:
 
 def test_what_contradicts_a_set_has_its_own_odds() -> None:
     true = [_closure(i, i + 30, expectation=10.0) for i in (0, 4)]
-    lookalikes = [_closure(3 + i, 30 + i, ROOM, expectation=-4.0) for i in (0, 2, 4)]
+    lookalikes = [_closure(3 + i, 30 + i, ROOM, expectation=1.0) for i in (0, 2, 4)]
     n, lead = _lead([*true, *lookalikes])
     assert n == 3
     assert lead < 0.0

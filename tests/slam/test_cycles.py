@@ -9,7 +9,7 @@ from curvescan.se2.uncertain import UncertainPose, compose, inverse
 from curvescan.slam.loops.cycles import Chain, cycle_distances
 from curvescan.types import Cov, Pose
 
-_SPREAD = np.array([1e-4, 1e-4, 1.6e-5])
+_SPREAD = np.diag([1e-4, 1e-4, 1.6e-5])
 
 
 def _by_graph(a: int, b: int, poses: Pose, motions: Cov) -> UncertainPose:
@@ -22,7 +22,7 @@ def _by_graph(a: int, b: int, poses: Pose, motions: Cov) -> UncertainPose:
         way = compose(way, UncertainPose(se2.between(poses[k - 1], poses[k]), motions[k]))
     if a > b:
         way = inverse(way)
-    return UncertainPose(pose, way.cov + n_edges * np.diag(_SPREAD))
+    return UncertainPose(pose, way.cov + n_edges * _SPREAD)
 
 
 def _twin(ends: np.ndarray, measured: Pose, covariances: Cov, poses: Pose, motions: Cov) -> np.ndarray:

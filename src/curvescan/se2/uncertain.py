@@ -53,16 +53,13 @@ def fuse(one: UncertainPose, other: UncertainPose) -> tuple[UncertainPose, float
 @kernel
 def add_sandwich(left: Floats, cov: Cov, total: Cov) -> None:
     """Add left @ cov @ left.T to `total`, cov being symmetric."""
-    half = np.zeros((3, 3))
     for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                half[i, j] += left[i, k] * cov[k, j]
-    for i in range(3):
+        a, b, c = left[i, 0], left[i, 1], left[i, 2]
+        x = a * cov[0, 0] + b * cov[1, 0] + c * cov[2, 0]
+        y = a * cov[0, 1] + b * cov[1, 1] + c * cov[2, 1]
+        z = a * cov[0, 2] + b * cov[1, 2] + c * cov[2, 2]
         for j in range(i, 3):  # symmetric to the last bit
-            product = 0.0
-            for k in range(3):
-                product += half[i, k] * left[j, k]
+            product = x * left[j, 0] + y * left[j, 1] + z * left[j, 2]
             total[i, j] += product
             if i != j:
                 total[j, i] += product

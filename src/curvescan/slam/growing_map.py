@@ -6,7 +6,7 @@ poses, a loop closure those since it; places that hold too many keyframes lose t
 
 from __future__ import annotations
 
-from functools import reduce
+from itertools import accumulate
 
 import numpy as np
 
@@ -113,16 +113,17 @@ class GrowingMap:
         self.since = compose(self.since, step)
         return k
 
-    def along(self, i: int) -> UncertainPose:
-        """Return the newest keyframe seen from an earlier one along the keyframes between them."""
-        way = reduce(compose, self._steps[i + 1 :], identity())
-        return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[-1]), way.cov)
+    def along(self, first: int) -> list[UncertainPose]:
+        """Return the newest keyframe seen from each one, from a first row on, along the keyframes between them."""
+        ways = accumulate(self._steps[:first:-1], lambda way, step: compose(step, way), initial=identity())
+        poses = se2.between(self.graph.poses[first:], self.graph.poses[-1])
+        return [UncertainPose(pose, way.cov) for pose, way in zip(poses[::-1], ways, strict=False)][::-1]
 
     def seen_from(self, rows: Ints) -> tuple[Pose, Cov]:
         """Return the newest keyframe seen from others, (m, 3) and (m, 3, 3); rows (m,) rising."""
         known, later = np.split(rows, [np.searchsorted(rows, self.belief.n)])
         by_belief = composed_covariances(self.belief.relative[known], self.belief.covariances[known], self.since)
-        along = np.reshape([self.along(i).cov for i in later.tolist()], (-1, 3, 3))
+        along = np.reshape([way.cov for way in self.along(self.belief.n)], (-1, 3, 3))[later - self.belief.n]
         return se2.between(self.graph.poses[rows], self.graph.poses[-1]), np.concatenate((by_belief, along))
 
     def chain(self) -> Chain:
@@ -143,7 +144,7 @@ class GrowingMap:
         if i >= self.belief.n or j < self.belief.n:
             return
         by_closure = compose(inverse(self.belief.last_seen_from(i)), UncertainPose(closure.pose, closure.covariance))
-        self.since, _ = fuse(self.since, compose(by_closure, self.along(j)))
+        self.since, _ = fuse(self.since, compose(by_closure, self.along(j)[0]))
         here = se2.compose(self.graph.poses[self.belief.n - 1], self.since.pose)
         onward = se2.between(self.graph.poses[-1], self.graph.poses[j:])
         self.graph.poses[j:] = se2.compose(here, onward)
@@ -166,7 +167,7 @@ class GrowingMap:
         """Take the poses of an optimization; keyframes that came since move along with the one they hang on."""
         n = solved.n_poses
         later = se2.between(self.graph.poses[n - 1], self.graph.poses[n:])
-        self.since = self.along(n - 1)
+        self.since = self.along(n - 1)[0]
         self.graph.poses[:n] = solved.poses
         self.graph.poses[n:] = se2.compose(solved.poses[-1], later)
         self.graph.weights[: len(solved.weights)] = solved.weights

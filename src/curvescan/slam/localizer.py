@@ -220,9 +220,7 @@ class Localizer:
         self._fix = Fix(here, step, hits[0].keyframe)
         is_expected = self._prior is not None and self._search.known(self._prior, here.pose[np.newaxis])[0] > 0.0
         self._prior = self._prior.confirmed(here, view) if self._prior and is_expected else Prior(here=here)
-        self._views = None
-        self._n_missed = 0
-        self._is_torn = False
+        self._views, self._n_missed, self._is_torn = None, 0, False
         return self._at(step, outcome, here, self._fix.keyframe)
 
     def _at(self, step: Step, outcome: StepOutcome, here: UncertainPose = _NOWHERE, keyframe: int = -1) -> Step:

@@ -66,16 +66,18 @@ class LoopSearch:
     def enqueue(self, k: int) -> None:
         """Queue the keyframes that the newest one, of row k, is to be matched with."""
         growing, keyframes, profiles = self._map, self._map.keyframes, self._map.keyframes.profiles.array
-        linked = [i for i in range(max(k - N_LINKED, 0), k - 1) if growing.fragments[i] == growing.fragments[k]]
-        self._queue += [Candidate(i, k, growing.along(i).cov) for i in linked]
+        linked = enumerate(growing.along(max(k - N_LINKED, 0))[:-2], max(k - N_LINKED, 0))
+        self._queue += [Candidate(i, k, way.cov) for i, way in linked if growing.fragments[i] == growing.fragments[k]]
         poses, similarity = growing.graph.poses, keyframes.index.similarity(keyframes.signature(keyframes.prepared(k)))
         # what is known of a relative pose is costly: not of what lies afar and looks different
         rows = (similarity >= _MIN_SIMILARITY) | (np.hypot(*(poses[:, :2] - poses[k, :2]).T) < _FARTHEST)
         rows = np.flatnonzero(rows[:k])
         relative, covariances = growing.seen_from(rows)
-        self._queue += choose_candidates(k, rows, relative, covariances, self.config, profiles, similarity[rows])
+        chosen = choose_candidates(k, rows, relative, covariances, self.config, profiles, similarity[rows])
         if waiting := [c for c in self._pool if not c.is_accepted and k - c.j <= N_NEAR]:
-            self._queue += self._beside(max(waiting, key=lambda c: c.log_odds + c.expectation), k)
+            asked = {c.i: c for c in self._beside(max(waiting, key=lambda c: c.log_odds + c.expectation), k)}
+            chosen = [c for c in chosen if c.i not in asked] + [*asked.values()]
+        self._queue += chosen
 
     def _beside(self, waiting: Closure, k: int) -> list[Candidate]:
         """Return keyframes that see what one of row k does if a closure that waits, where nobody looks, is right."""
@@ -177,8 +179,8 @@ class LoopSearch:
         if lead <= self.config.closures.log_odds:
             self._log(closure)
             return []
-        chosen = [self._pool[k] for k in members]
-        agreed = [replace(c, outcome=ClosureOutcome.AGREED) for c in chosen if not c.is_accepted]
+        waiting = [self._pool[k] for k in members if not self._pool[k].is_accepted]
+        agreed = [replace(c, outcome=ClosureOutcome.AGREED) for c in waiting]
         pairs = {(c.i, c.j) for c in agreed}
         self._pool = [c for c in self._pool if (c.i, c.j) not in pairs] + agreed
         return [self._accept(one) for one in agreed]

@@ -162,8 +162,7 @@ class Slam:
         """Begin, or begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
         self._adopt()
         k = self._map.start(scan, step.index, pose)
-        if k > 0:
-            self._search.enqueue(k)
+        self._search.enqueue(k)
         return self._hang_on(k, step, None)
 
     def _hang_on(self, k: int, step: Step, way: UncertainPose | None) -> UncertainPose:

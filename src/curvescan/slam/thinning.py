@@ -105,8 +105,7 @@ def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[int, UncertainPose]:
 
 
 def _edges_at(graph: PoseGraph, v: int) -> Ints:
-    i, j = graph.ends.T
-    return np.flatnonzero((i == v) | (j == v))
+    return np.flatnonzero((graph.ends == v).any(axis=1))
 
 
 def _other_end(graph: PoseGraph, row: int, v: int) -> tuple[int, UncertainPose]:

@@ -28,16 +28,17 @@ _MOST_BRANCHES = 20_000
 
 
 def best_group(pool: list[Closure], chain: Chain, config: SlamConfig) -> tuple[list[int], float]:
-    """Return the set that the last closure of a pool belongs to, and its log odds less those of what contradicts it.
+    """Return the set that the last closure of a pool belongs to, and its log odds.
 
-    The ways between closures count up to where they would guide a match.
+    They are less those of what contradicts it, unless it is too unlikely in any case. The ways between closures count
+    up to where they would guide a match.
     """
-    known, last = config.closures.certain_m, len(pool) - 1
-    whole = is_whole(np.array([c.covariance for c in pool]))
+    known, last, whole = config.closures.certain_m, len(pool) - 1, is_whole(np.array([c.covariance for c in pool]))
     before = np.flatnonzero(whole[:-1] == whole[-1])  # what leaves a way open agrees with the next room as well
     friends = before[agreements(pool, before, np.array([last]), chain, config, known)[:, 0]]
     members = np.append(friends[largest_clique(agreements(pool, friends, friends, chain, config, known))], last)
-    return members.tolist(), lead_of(pool, members, chain, config, known)
+    alone, needed = _odds(pool, members, chain, config), config.closures.log_odds
+    return members.tolist(), lead_of(pool, members, chain, config, known) if alone > needed else alone
 
 
 def lead_of(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig, known: float) -> float:
@@ -55,8 +56,9 @@ def agreements(pool: list[Closure], rows: Ints, columns: Ints, chain: Chain, con
     """
     ends = np.array([(c.i, c.j) for c in pool], dtype=np.int64)
     edges = np.array([c.pose for c in pool]), np.array([c.covariance for c in pool])
-    spread, step = np.diagonal(config.noise.spread).copy(), config.keyframes.distance
-    distances = cycle_distances(ends, edges, chain, (rows, columns), spread, step, known)
+    distances = cycle_distances(
+        ends, edges, chain, (rows, columns), config.noise.spread, config.keyframes.distance, known
+    )
     return np.asarray(distances[np.ix_(rows, columns)] < GATE)
 
 

@@ -55,18 +55,12 @@ def difference(one: Pose, other: Pose) -> Pose:
 
 @kernel
 def cycle_distances(
-    ends: Ints,
-    edges: tuple[Pose, Cov],
-    chain: Chain,
-    pairs: tuple[Ints, Ints],
-    spread: Floats,
-    step: float,
-    known: float,
+    ends: Ints, edges: tuple[Pose, Cov], chain: Chain, pairs: tuple[Ints, Ints], spread: Cov, step: float, known: float
 ) -> Floats:
     """Return (n, n) squared Mahalanobis distance by which the cycle through two closures does not close.
 
     ends (n, 2), edges: measured (n, 3) and covariances (n, 3, 3) of the closures; pairs: each of some with each of
-    others, NaN elsewhere; spread (3,): variances of an edge, of which each `step` metres between two keyframes take
+    others, NaN elsewhere; spread (3, 3): covariance of an edge, of which each `step` metres between two keyframes take
     one; known: standard deviation up to which the motions of a way count, metres. One known no better is taken to err
     as edges usually do: the next room would agree with it as well.
     """
@@ -82,12 +76,12 @@ def cycle_distances(
             back, rest = _way(chain, ends[a, 1], ends[b, 1], spread, step, known)
             closed, cov = composed(to, way, back, rest)
             off = difference(closed, measured[b])
-            found[a, b] = found[b, a] = np.sum(np.outer(off, off) * inverse3(cov + covariances[b]))
+            found[a, b] = found[b, a] = off @ inverse3(cov + covariances[b]) @ off
     return found
 
 
 @kernel
-def _way(chain: Chain, a: int, b: int, spread: Floats, step: float, known: float) -> tuple[Pose, Cov]:
+def _way(chain: Chain, a: int, b: int, spread: Cov, step: float, known: float) -> tuple[Pose, Cov]:
     """Return keyframe b seen from keyframe a, with the covariance of the motions between."""
     poses, gathered = chain
     pose, cov = np.zeros(3), np.zeros((3, 3))
@@ -101,4 +95,4 @@ def _way(chain: Chain, a: int, b: int, spread: Floats, step: float, known: float
     if max(cov[0, 0], cov[1, 1]) > known * known:
         cov[:] = 0.0
     n_edges = 1.0 + math.sqrt(dx * dx + dy * dy) / step
-    return pose, cov + n_edges * np.diag(spread)
+    return pose, cov + n_edges * spread
