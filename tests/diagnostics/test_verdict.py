@@ -102,7 +102,7 @@ def test_an_odometry_is_judged_by_its_path_and_a_map_by_its_size(engine, path, e
 
 def test_matches_that_contradict_the_map_are_told_with_their_place():
     said = reason(engine="slam", contradictions=((7, 4, 12.2, -3.4), (3, 3, 0.0, 0.0)))
-    assert "10 sure matches from 7 keyframes contradict the map, most at x 12 m, y -3 m" in said
+    assert "10 matches from 7 keyframes contradict the map, most at x 12 m, y -3 m" in said
 
 
 @pytest.mark.parametrize(("n_known", "is_trusted"), [(95, True), (70, False), (0, False)])

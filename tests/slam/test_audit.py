@@ -1,4 +1,4 @@
-"""Matches that contradict a finished map count where those of five keyframes agree."""
+"""Matches that contradict a finished map count where those of five keyframes agree, or those of ten fail."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from curvescan.slam.loops.agreement import MOST_LOG_ODDS
 from curvescan.slam.loops.audit import Contradiction, contradictions, groups_against
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
 from curvescan.slam.loops.cycles import Chain
+from curvescan.slam.loops.overlap import N_SECTORS
 
 CONFIG = SlamConfig()
 POSES = np.column_stack((np.arange(40) * 0.5, np.zeros(40), np.zeros(40)))
@@ -39,12 +40,9 @@ def test_matches_of_five_keyframes_that_agree_contradict_the_map() -> None:
     np.testing.assert_allclose(found.off, [1.0, 0.5, 0.0], atol=1e-12)
 
 
-def test_what_disagrees_is_unsure_or_fits_the_map_contradicts_nothing() -> None:
+def test_what_disagrees_or_fits_the_map_contradicts_nothing() -> None:
     disagreeing = [_refused(2 + k, 30 + k, [1.0 + k, 0.0, 0.0]) for k in range(5)]
-    unsure = [_refused(2 + k, 30 + k, [1.0, 0.5, 0.0], confidence=0.8) for k in range(5)]
-    fitting = [_refused(2 + k, 30 + k, [0.01, 0.0, 0.0]) for k in range(5)]
-    for group in (unsure, fitting):
-        assert groups_against(group, POSES, CONFIG) == []
+    assert groups_against([_refused(2 + k, 30 + k, [0.01, 0.0, 0.0]) for k in range(5)], POSES, CONFIG) == []
     assert [len(group) for group in groups_against(disagreeing, POSES, CONFIG)] == [1] * 5
     assert _said(disagreeing) == []
 
@@ -74,19 +72,60 @@ def test_a_map_that_is_off_by_less_than_half_a_metre_is_not_bent() -> None:
 NO = [0.0, 0.0, 0.0]
 
 
+def _search(poses: np.ndarray, closures: list[Closure], n_known: int = 0) -> LoopSearch:
+    """Return the search of a map that follows the last of its closures; each keyframe sees 5 m all around."""
+    ends = np.array([(c.i, c.j) for c in closures[len(closures) - n_known :]]).reshape(-1, 2)
+    are_followed = np.ones(n_known, dtype=bool)
+    graph = SimpleNamespace(poses=poses, ends=ends, is_closure=are_followed, is_followed=are_followed)
+    chain = Chain.of(poses, np.broadcast_to(1e-4 * np.eye(3), (40, 3, 3)))
+    profiles = SimpleNamespace(array=np.full((40, 2, N_SECTORS), 5.0))
+    keyframes = SimpleNamespace(numbers=np.arange(40), profiles=profiles)
+    growing = SimpleNamespace(graph=graph, keyframes=keyframes, chain=lambda: chain)
+    search = LoopSearch(growing, CONFIG)  # type: ignore[arg-type]
+    search.closures = closures
+    return search
+
+
+TWICE = np.vstack((POSES[:20], POSES[:20]))
+"""A robot comes by the same places again."""
+
+
+def _doubled(fails: list[bool]) -> list[Closure]:
+    """Return what fails on TWICE, by which of the later keyframes do."""
+    tried = [replace(_refused(k, 20 + k, NO), pose=np.zeros(3), distance=1.0) for k in range(len(fails))]
+    nowhere = {"pose": np.full(3, np.nan), "distance": np.nan, "outcome": ClosureOutcome.NO_MATCH}
+    return _search(TWICE, [replace(c, **nowhere) if fails[c.i] else c for c in tried]).doubled()
+
+
+def test_unsure_matches_that_agree_contradict_a_map_where_it_shows_places_twice() -> None:
+    off = [replace(_refused(k, 20 + k, NO, 0.7), pose=np.array([2.0, 0.5, 0.0])) for k in range(12)]
+    ((group, lead),) = _search(TWICE, off).audit()
+    assert [(c.i, c.j) for c in group] == [(k, 20 + k) for k in range(12)]
+    assert _search(TWICE, off[:9]).audit() == []
+    ((_, sure),) = _search(TWICE, [replace(c, confidence=0.99) for c in off]).audit()
+    assert sure > lead
+
+
+def test_a_map_that_shows_places_twice_is_contradicted_by_matches_that_fail_in_a_row() -> None:
+    """A tear that no match sees: what lies on each other are different places."""
+    failed = _doubled([False] * 5 + [True] * 12)
+    assert [(c.i, c.j) for c in failed] == [(k, 20 + k) for k in range(5, 17)]
+    (found,) = contradictions([failed], POSES, np.arange(40))
+    assert len(found.pairs) == 12
+    assert np.isnan(found.off).all()
+
+
+def test_single_matches_fail_on_a_map_that_is_right() -> None:
+    """People, doors and furniture hide what the map shows."""
+    assert _doubled([True, False] * 9) == []
+    assert _doubled([True] * 9) == []
+
+
 def _lead(known: list[Closure]) -> float:
     """Return the lead of matches that put the way back of POSES a metre on, over closures that the map follows."""
     back = np.vstack((POSES[:20], POSES[19::-1]))
     refused = [replace(_refused(2 + k, 37 - k, NO), pose=np.array([1.0, 0.0, 0.0])) for k in range(5)]
-    ends = np.array([(c.i, c.j) for c in known]).reshape(-1, 2)
-    are_followed = np.ones(len(known), dtype=bool)
-    graph = SimpleNamespace(poses=back, ends=ends, is_closure=are_followed, is_followed=are_followed)
-    chain = Chain.of(back, np.broadcast_to(1e-4 * np.eye(3), (40, 3, 3)))
-    keyframes = SimpleNamespace(numbers=np.arange(40))
-    growing = SimpleNamespace(graph=graph, keyframes=keyframes, chain=lambda: chain)
-    search = LoopSearch(growing, CONFIG)  # type: ignore[arg-type]
-    search.closures = [*refused, *known]
-    ((group, lead),) = search.audit()
+    ((group, lead),) = _search(back, [*refused, *known], len(known)).audit()
     assert len(group) == 5
     return lead
 

@@ -1,7 +1,7 @@
 """A verdict: whether the result of a run can be trusted, and why not.
 
 It is judged by what the run ended with, not by what happened on the way: parts that stayed apart, the covariance of the
-final poses, sure matches that contradict the finished map, scans that are not in the map, faults of the log that spoil
+final poses, matches that contradict the finished map, scans that are not in the map, faults of the log that spoil
 the readings.
 """
 

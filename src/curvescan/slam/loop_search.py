@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import chain, zip_longest
+from itertools import chain, groupby, zip_longest
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,11 +17,11 @@ import numpy as np
 from curvescan import se2
 from curvescan.matchers.result import WIDE_PRIOR
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.slam.config import SlamConfig
+from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.agreement import MOST_LOG_ODDS, best_group, lead_of
-from curvescan.slam.loops.audit import N_NEAR, groups_against
+from curvescan.slam.loops.audit import N_NEAR, SURE, groups_against
 from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, is_certain, is_loop
 from curvescan.slam.loops.overlap import foretold_overlap
 from curvescan.slam.open_direction import placed
@@ -33,6 +33,7 @@ _SIGMAS = 3.0  # standard deviations that a keyframe may lie from where the grap
 _MIN_SIMILARITY = 0.8  # least similarity by the place index of keyframes of a vague relative pose
 _N_LOGGED = 50_000  # loop-closure candidates whose record is kept, the latest
 _FARTHEST = 6.0  # keyframes of a known relative pose are matched up to here, metres: opposite views share least nearby
+_N_DOUBLED = 10  # keyframes in a row that mostly fail, less those that mostly match: 6 on good maps, 11 on torn ones
 
 _N_CERTAIN, _N_UNCERTAIN, _N_BESIDE = 5, 6, 2
 """Earlier keyframes that a new one is matched with, at most: of a known relative pose, of one that is not, and beside a
@@ -75,8 +76,8 @@ class LoopSearch:
         relative, covariances = growing.seen_from(rows)
         chosen = choose_candidates(k, rows, relative, covariances, self.config, profiles, similarity[rows])
         if waiting := [c for c in self._pool if not c.is_accepted and k - c.j <= N_NEAR]:
-            asked = {c.i: c for c in self._beside(max(waiting, key=lambda c: c.log_odds + c.expectation), k)}
-            chosen = [c for c in chosen if c.i not in asked] + [*asked.values()]
+            asked = self._beside(max(waiting, key=lambda c: c.log_odds + c.expectation), k)
+            chosen += [c for c in asked if c.i not in {other.i for other in chosen}]
         self._queue += chosen
 
     def _beside(self, waiting: Closure, k: int) -> list[Candidate]:
@@ -126,18 +127,16 @@ class LoopSearch:
 
     def audit(self) -> list[tuple[list[Closure], float]]:
         """Return groups of matches against the map, by row, and the odds of each less those of what it contradicts."""
-        growing, graph = self._map, self._map.graph
+        growing, graph, latest = self._map, self._map.graph, self._latest()
         followed = set(map(tuple, graph.ends[graph.is_closure & graph.is_followed].tolist()))
-        row_of = {number: row for row, number in enumerate(growing.keyframes.numbers.tolist())}
-        latest = {(c.i, c.j): c for c in self.closures if c.i in row_of and c.j in row_of}  # of each pair
-        tried = (replace(c, i=row_of[c.i], j=row_of[c.j]) for c in latest.values())
-        # views from afar are found where the graph expects them: they neither dispute it nor defend it
-        reach = self.config.closures.reach
-        near = [c for c in tried if c.is_loop and (not is_whole(c.covariance) or np.hypot(*c.pose[:2]) < reach)]
-        known = [c for c in near if (c.i, c.j) in followed]
+        known = [c for c in latest if (c.i, c.j) in followed]
+        # views from afar are found where the graph expects them: they do not defend it
+        known = [c for c in known if not is_whole(c.covariance) or np.hypot(*c.pose[:2]) < self.config.closures.reach]
         ends = np.array([(c.i, c.j) for c in known]).reshape(-1, 2)
         found = []
-        for group in groups_against([c for c in near if (c.i, c.j) not in followed], graph.poses, self.config):
+        in_doubt = {(c.i, c.j) for c in self.doubled() if c.outcome is not ClosureOutcome.NO_MATCH}
+        tried = [c for c in latest if c.confidence >= SURE or (c.i, c.j) in in_doubt]
+        for group in groups_against([c for c in tried if (c.i, c.j) not in followed], graph.poses, self.config):
             beside = np.abs(ends[:, np.newaxis] - [(one.i, one.j) for one in group]).max(axis=2).min(axis=1) <= N_NEAR
             pool = [known[k] for k in np.flatnonzero(beside).tolist()] + group
             members = np.arange(len(pool) - len(group), len(pool))
@@ -155,6 +154,26 @@ class LoopSearch:
         for one in new:
             self._accept(replace(one, outcome=ClosureOutcome.AGREED))
         return len(new) > 0
+
+    def doubled(self) -> list[Closure]:
+        """Return matches that fail where a map shows places twice, by row; none where most do not for some way."""
+        poses, excess, most, run, longest = self._map.graph.poses, 0.0, 0.0, list[Closure](), list[Closure]()
+        for j, tried in groupby(sorted(self._latest(), key=lambda c: (c.j, c.i)), key=lambda c: c.j):
+            of = {c.i: c for c in tried}
+            rows = np.array([*of])
+            seen = [of[c.i] for c in self._overlapping(j, rows, se2.between(poses[rows], poses[j]))]
+            failed = [c for c in seen if not (c.is_accepted or c.distance < GATE)]
+            excess += 2.0 * len(failed) / len(seen) - 1.0 if seen else 0.0
+            excess, run = (excess, run + failed) if excess > 0.0 else (0.0, [])
+            most, longest = (excess, run) if excess > most else (most, longest)
+        return longest if most >= _N_DOUBLED else []
+
+    def _latest(self) -> list[Closure]:
+        """Return the last match of each two keyframes that close a loop, by row."""
+        row_of = {number: row for row, number in enumerate(self._map.keyframes.numbers.tolist())}
+        latest = {(c.i, c.j): c for c in self.closures if c.i in row_of and c.j in row_of}
+        by_row = (replace(c, i=row_of[c.i], j=row_of[c.j]) for c in latest.values())
+        return [c for c in by_row if c.is_loop]
 
     def _try(self, candidate: Candidate, index: int) -> list[Closure]:
         """Match a candidate, and return the closures accepted."""

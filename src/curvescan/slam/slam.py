@@ -95,7 +95,7 @@ class Slam:
         self._job: Future[tuple[PoseGraph, Cov]] | None = None
         self._job_due = 0
         self.contradictions: tuple[Contradiction, ...] = ()
-        """Sure matches that agree with each other and contradict the finished map; empty before :meth:`finish`."""
+        """Matches that contradict the finished map together; empty before :meth:`finish`."""
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at this scan.
@@ -207,8 +207,8 @@ class Slam:
                 if not self._search.reopen(self._search.audit()):
                     break
                 self._settle()
-            likely = [group for group, lead in self._search.audit() if lead > 0.0]  # than the closures against it
-            self.contradictions = tuple(contradictions(likely, self.graph.poses, self.keyframes.numbers))
+            against = [*(group for group, lead in self._search.audit() if lead > 0.0), self._search.doubled()]
+            self.contradictions = tuple(contradictions(against, self.graph.poses, self.keyframes.numbers))
         return self.trajectory()
 
     def _settle(self) -> None:

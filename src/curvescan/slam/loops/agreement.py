@@ -56,9 +56,8 @@ def agreements(pool: list[Closure], rows: Ints, columns: Ints, chain: Chain, con
     """
     ends = np.array([(c.i, c.j) for c in pool], dtype=np.int64)
     edges = np.array([c.pose for c in pool]), np.array([c.covariance for c in pool])
-    distances = cycle_distances(
-        ends, edges, chain, (rows, columns), config.noise.spread, config.keyframes.distance, known
-    )
+    spread, step = config.noise.spread, config.keyframes.distance
+    distances = cycle_distances(ends, edges, chain, (rows, columns), spread, step, known)
     return np.asarray(distances[np.ix_(rows, columns)] < GATE)
 
 

@@ -1,6 +1,6 @@
-"""Audit: sure matches that the finished map refuses, grouped by agreement.
+"""Audit: matches that the finished map refuses, grouped by agreement.
 
-One of them may be wrong. Where many agree with each other, the map is more likely wrong there.
+One of them may be wrong. Where many agree, or fail where the map shows places twice, it is more likely the map.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _N_KEYFRAMES = 5
 N_NEAR = 20
 """Most keyframes between closures that may speak for or against each other."""
 
-_SURE = 0.9
-"""Confidence from which on a match may contradict the finished map: right in 99.9 %."""
+SURE = 0.9
+"""Confidence from which on a match alone may contradict the finished map: right in 99.9 %."""
 
 _BENT_M = 0.5
 """A map that is off by less is not bent, metres."""
@@ -33,11 +33,11 @@ _BENT_M = 0.5
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Contradiction:
-    """Sure matches that agree with each other and contradict the finished map."""
+    """Matches that contradict the finished map: sure ones that agree with each other, or that fail in a row."""
 
     place: Floats  # (2,): mean place of the later keyframes in the map, metres
     pairs: Ints  # (n, 2): numbers of the keyframes of each match; the later one second
-    off: Pose  # (3,): median of where the matches put the later keyframe, seen from where the map has it
+    off: Pose  # (3,): median of where they put the later keyframe, seen from where the map has it; NaN where they fail
 
 
 def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> list[Contradiction]:
@@ -47,19 +47,19 @@ def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> l
         ends = np.array([(c.i, c.j) for c in group])
         off = np.array([se2.between(se2.between(poses[c.i], poses[c.j]), c.pose) for c in group])
         median = np.median(off, axis=0)
-        if math.hypot(median[0], median[1]) > _BENT_M:
+        if not math.hypot(median[0], median[1]) <= _BENT_M:
             found.append(Contradiction(place=poses[ends[:, 1], :2].mean(axis=0), pairs=numbers[ends], off=median))
     return sorted(found, key=lambda one: -len(one.pairs))
 
 
 def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> list[list[Closure]]:
-    """Return the sets of sure matches that agree with each other and not with a map.
+    """Return the sets of matches that agree with each other and not with a map.
 
     Each has the expectation of a map whose ways may have slipped. Those of a set are near each other along the path:
     matches of far stretches agree by chance, as nothing is known of the way between.
     """
     against = []
-    for one in (c for c in tried if c.confidence >= _SURE):
+    for one in tried:
         off = difference(se2.between(poses[one.i], poses[one.j]), one.pose)
         cov = one.covariance + config.noise.spread
         if not off @ np.linalg.solve(cov, off) < GATE:
@@ -73,9 +73,7 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
         rows = np.arange(len(near))
         members = set(largest_clique(agreements(near, rows, rows, chain, config, 0.0)).tolist())
         group = [c for k, c in enumerate(near) if k in members]
-        if rest[0] not in group:
-            group = rest[:1]
+        group = group if rest[0] in group else rest[:1]
         found.append(group)
-        taken = {(c.i, c.j) for c in group}
-        rest = [c for c in rest if (c.i, c.j) not in taken]
+        rest = [c for c in rest if c not in group]
     return found

@@ -32,16 +32,10 @@ def is_whole(covariances: Cov) -> Bools:
     return np.asarray(np.trace(covariances, axis1=-2, axis2=-1) < _MOST_SPREAD)
 
 
-_EDGE = np.dtype(
-    [
-        ("ends", np.int64, 2),
-        ("measured", np.float64, 3),
-        ("covariance", np.float64, (3, 3)),
-        ("kind", np.int64),
-        ("weight", np.float64),
-        ("least", np.float64),
-    ]
-)
+_EDGE = np.dtype([
+    ("ends", int, 2), ("measured", float, 3), ("covariance", float, (3, 3)),
+    ("kind", int), ("weight", float), ("least", float),
+])  # fmt: skip
 
 _LEAST_STEP = 1e-4
 """Weight that a step keeps however far it is off: a slip bends the graph, and does not break it."""
