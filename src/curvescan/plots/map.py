@@ -1,7 +1,7 @@
 """Maps as pictures: of a run, of wheels alone (the paper's figure 7), of occupancy and graphs; what figures share."""
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from curvescan.plots.colours import DARK, FAILED, GREY, LIGHT, PAIRED, PATH, TRU
 from curvescan.slam.loops.closures import is_loop
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Points, Pose
+from curvescan.types import Floats, Points, Pose
 
 _STYLE = Path(__file__).with_name("curvescan.mplstyle")
 _DPI = 150
@@ -153,32 +153,28 @@ def draw_side_by_side(path: Path, log: Log, tracks: Mapping[str, Pose], truth: P
             mark_ends(axes, track)
 
 
-def draw_graph(path: Path, slam_map: SlamMap, cells: Points, *, title: str) -> None:
-    """Save the pose graph of a map as a picture. cells (k, 2)."""
+def draw_graph(path: Path, slam_map: SlamMap, cells: Points, refused: Sequence[Floats], *, title: str) -> None:
+    """Save the pose graph of a map as a picture. cells (k, 2); refused: (2,) places where matches contradict it."""
+    is_closure = np.asarray(slam_map.kinds == EdgeKind.CLOSURE)
+    is_used = np.asarray(slam_map.weights > 0.5)
+    sessions = np.asarray(slam_map.sessions)[slam_map.ends]
+    closes = is_loop(slam_map.ends[:, 0], slam_map.ends[:, 1]) | (sessions[:, 0] != sessions[:, 1])
     with drawing_places(path, np.concatenate((cells, slam_map.poses[:, :2])), legend=4) as [axes]:
         as_place(axes, title)
         axes.plot(*cells.T, "s", color=GREY, ms=0.7, mew=0)
-        plot_graph(slam_map, axes)
-
-
-def plot_graph(slam_map: SlamMap, axes: Axes) -> None:
-    """Draw the pose graph of a map on axes."""
-    is_closure = np.asarray(slam_map.kinds == EdgeKind.CLOSURE)
-    is_used = np.asarray(slam_map.weights > 0.5)
-    follows = ~is_closure & is_used
-    sessions = np.asarray(slam_map.sessions)[slam_map.ends]
-    closes = is_loop(slam_map.ends[:, 0], slam_map.ends[:, 1]) | (sessions[:, 0] != sessions[:, 1])
-    for chosen, colour, label in (
-        (is_closure & is_used & closes, PAIRED, "loop closures"),
-        (is_closure & is_used & ~closes, LIGHT, "matches of neighbours"),
-        (is_closure & ~is_used, FAILED, "without weight"),
-        (follows, PATH, "keyframes that follow each other"),
-    ):
-        if chosen.any():
-            lines = list(slam_map.poses[slam_map.ends[chosen], :2])
-            axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.4))
-            axes.plot([], [], color=colour, lw=1.0, label=f"{label} ({len(lines):,})")
-    axes.plot(*slam_map.poses[:, :2].T, ".", color=PATH, ms=2, mew=0)
+        for chosen, colour, label in (
+            (is_closure & is_used & closes, PAIRED, "loop closures"),
+            (is_closure & is_used & ~closes, LIGHT, "matches of neighbours"),
+            (is_closure & ~is_used, FAILED, "without weight"),
+            (~is_closure & is_used, PATH, "keyframes that follow each other"),
+        ):
+            if chosen.any():
+                lines = list(slam_map.poses[slam_map.ends[chosen], :2])
+                axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.4))
+                axes.plot([], [], color=colour, lw=1.0, label=f"{label} ({len(lines):,})")
+        axes.plot(*slam_map.poses[:, :2].T, ".", color=PATH, ms=2, mew=0)
+        if refused:
+            axes.plot(*np.transpose(refused), "o", color=FAILED, mfc="none", ms=18, label="contradicted by matches")
 
 
 _COLOURS = {"unknown": "#c4c7cc", "free": "#ffffff", "occupied": DARK}  # by the rank of a block

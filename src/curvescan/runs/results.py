@@ -65,8 +65,8 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     maps = run.maps or maps_of_run(run, cell=0.05)
     lean = dataclasses.replace(record, steps=()), dataclasses.replace(maps, grid=None)
     drawn = [beside(_draw, folder, "map", *lean, title=title, truth=run.truth)]
-    if graph is not None:
-        shown = dataclasses.replace(graph, scans=()), maps.standing
+    if isinstance(engine, Slam) and graph is not None:
+        shown = dataclasses.replace(graph, scans=()), maps.standing, [c.place for c in engine.contradictions]
         drawn.append(beside(_draw, folder, "graph", *shown, title=f"{title}: pose graph"))
     if maps.grid is not None:
         poses = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
