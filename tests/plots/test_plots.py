@@ -9,6 +9,8 @@ import math
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.image import imread
 
 import curvescan as cs
 from curvescan.configs import as_plain
@@ -17,7 +19,8 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.matchers import MATCHERS
 from curvescan.matchers.cfsma.config import CfSmaConfig, LandmarksConfig
-from curvescan.plots.map import as_place, drawing
+from curvescan.plots.colours import FAILED
+from curvescan.plots.map import as_place, draw_graph, drawing
 from curvescan.plots.match import save_match
 from curvescan.simulation import simulate
 from tests.runs.test_run import FILES
@@ -156,3 +159,13 @@ def test_the_name_of_a_log_is_no_formula_and_no_warning(tmp_path, name):
     with drawing(tmp_path / "a.png", 2.0, 2.0) as figure:
         as_place(figure.subplots(), f"{name}: 3 scans")
     assert (tmp_path / "a.png").stat().st_size > 1000
+
+
+def test_the_graph_marks_where_matches_contradict_the_map(tmp_path, log):
+    slam_map = cs.run(log, engine="slam").map
+    colour, counts = to_rgb(FAILED), []
+    for k, refused in enumerate(([], [np.array([0.5, 0.5])])):
+        draw_graph(tmp_path / f"{k}.png", slam_map, np.zeros((1, 2)), refused, title="graph")
+        counts.append(int((np.abs(imread(tmp_path / f"{k}.png")[..., :3] - colour).max(axis=-1) < 0.02).sum()))
+    assert counts[0] == 0
+    assert counts[1] > 50
