@@ -72,7 +72,9 @@ def test_a_map_that_is_off_by_less_than_half_a_metre_is_not_bent() -> None:
 NO = [0.0, 0.0, 0.0]
 
 
-def _search(poses: np.ndarray, closures: list[Closure], n_known: int = 0) -> LoopSearch:
+def _search(
+    poses: np.ndarray, closures: list[Closure], n_known: int = 0, fragments: list[int] | None = None
+) -> LoopSearch:
     """Return the search of a map that follows the last of its closures; each keyframe sees 5 m all around."""
     ends = np.array([(c.i, c.j) for c in closures[len(closures) - n_known :]]).reshape(-1, 2)
     are_followed = np.ones(n_known, dtype=bool)
@@ -80,7 +82,7 @@ def _search(poses: np.ndarray, closures: list[Closure], n_known: int = 0) -> Loo
     chain = Chain.of(poses, np.broadcast_to(1e-4 * np.eye(3), (40, 3, 3)))
     profiles = SimpleNamespace(array=np.full((40, 2, N_SECTORS), 5.0))
     keyframes = SimpleNamespace(numbers=np.arange(40), profiles=profiles)
-    growing = SimpleNamespace(graph=graph, keyframes=keyframes, chain=lambda: chain)
+    growing = SimpleNamespace(graph=graph, keyframes=keyframes, chain=lambda: chain, fragments=fragments or [0] * 40)
     search = LoopSearch(growing, CONFIG)  # type: ignore[arg-type]
     search.closures = closures
     return search
@@ -90,11 +92,11 @@ TWICE = np.vstack((POSES[:20], POSES[:20]))
 """A robot comes by the same places again."""
 
 
-def _doubled(fails: list[bool]) -> list[Closure]:
+def _doubled(fails: list[bool], fragments: list[int] | None = None) -> list[Closure]:
     """Return what fails on TWICE, by which of the later keyframes do."""
     tried = [replace(_refused(k, 20 + k, NO), pose=np.zeros(3), distance=1.0) for k in range(len(fails))]
     nowhere = {"pose": np.full(3, np.nan), "distance": np.nan, "outcome": ClosureOutcome.NO_MATCH}
-    return _search(TWICE, [replace(c, **nowhere) if fails[c.i] else c for c in tried]).doubled()
+    return _search(TWICE, [replace(c, **nowhere) if fails[c.i] else c for c in tried], fragments=fragments).doubled()
 
 
 def test_unsure_matches_that_agree_contradict_a_map_where_it_shows_places_twice() -> None:
@@ -119,6 +121,11 @@ def test_single_matches_fail_on_a_map_that_is_right() -> None:
     """People, doors and furniture hide what the map shows."""
     assert _doubled([True, False] * 9) == []
     assert _doubled([True] * 9) == []
+
+
+def test_parts_of_a_map_that_nothing_joins_do_not_show_places_twice() -> None:
+    assert len(_doubled([True] * 12)) == 12
+    assert _doubled([True] * 12, [0] * 20 + [1] * 20) == []
 
 
 def _lead(known: list[Closure]) -> float:

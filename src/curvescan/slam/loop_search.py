@@ -169,11 +169,11 @@ class LoopSearch:
         return longest if most >= _N_DOUBLED else []
 
     def _latest(self) -> list[Closure]:
-        """Return the last match of each two keyframes that close a loop, by row."""
+        """Return the last match of each two keyframes of a part of the map that close a loop, by row."""
         row_of = {number: row for row, number in enumerate(self._map.keyframes.numbers.tolist())}
         latest = {(c.i, c.j): c for c in self.closures if c.i in row_of and c.j in row_of}
         by_row = (replace(c, i=row_of[c.i], j=row_of[c.j]) for c in latest.values())
-        return [c for c in by_row if c.is_loop]
+        return [c for c in by_row if c.is_loop and self._map.fragments[c.i] == self._map.fragments[c.j]]
 
     def _try(self, candidate: Candidate, index: int) -> list[Closure]:
         """Match a candidate, and return the closures accepted."""
