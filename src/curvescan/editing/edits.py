@@ -110,7 +110,7 @@ def solved(slam_map: SlamMap, graph: PoseGraph) -> SlamMap:
     the map and once from full weights, and the better optimum is kept.
     """
     optima = [optimized(graph, weights=weights) for weights in (graph.weights, None)]
-    optimum = min(optima, key=lambda found: found.cost)
+    optimum = min(optima, key=lambda found: found.costs.sum())
     graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
     covariances = covariances_seen_from(graph, 0, NOISE)
     return replace(slam_map, covariances=covariances, grid=None, **graph.arrays())

@@ -44,7 +44,7 @@ def solve(graph: PoseGraph, noise: NoiseConfig, is_last: bool) -> tuple[PoseGrap
         held = optimized(graph, weights=None)
         graph.poses[:], graph.edge_covariances[:] = held.poses, soft
         freed = optimized(graph, weights=held.weights, least_convexity=_NEARBY)
-        optimum = min(optimum, freed, key=lambda one: one.cost)
+        optimum = min(optimum, freed, key=lambda one: one.costs.sum())
     graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
     return graph, covariances_seen_from(graph, graph.n_poses - 1, noise)
 

@@ -20,8 +20,8 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.loops.agreement import MOST_LOG_ODDS, best_group, lead_of
-from curvescan.slam.loops.audit import N_NEAR, SURE, groups_against
+from curvescan.slam.loops.agreement import best_group
+from curvescan.slam.loops.audit import N_NEAR, Contradiction, cost_of, sets_against
 from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, is_certain, is_loop
 from curvescan.slam.loops.overlap import foretold_overlap
 from curvescan.slam.open_direction import placed
@@ -33,7 +33,7 @@ _SIGMAS = 3.0  # standard deviations that a keyframe may lie from where the grap
 _MIN_SIMILARITY = 0.8  # least similarity by the place index of keyframes of a vague relative pose
 _N_LOGGED = 50_000  # loop-closure candidates whose record is kept, the latest
 _FARTHEST = 6.0  # keyframes of a known relative pose are matched up to here, metres: opposite views share least nearby
-_N_DOUBLED = 10  # keyframes in a row that mostly fail, less those that mostly match: 6 on good maps, 11 on torn ones
+_N_DOUBLED = 8  # keyframes in a row that mostly fail, less those that mostly match: 6 on good maps, 8 on torn ones
 
 _N_CERTAIN, _N_UNCERTAIN, _N_BESIDE = 5, 6, 2
 """Earlier keyframes that a new one is matched with, at most: of a known relative pose, of one that is not, and beside a
@@ -110,8 +110,7 @@ class LoopSearch:
 
         graph = self._map.graph
         graph.keep_edges(~graph.is_closure | is_whole(graph.edge_covariances))
-        tied = set(map(tuple, np.sort(graph.ends).tolist()))
-        fragments, poses, new = np.array(self._map.fragments), graph.poses, []
+        tied, fragments, poses, new = self._tied(), np.array(self._map.fragments), graph.poses, []
         places = cKDTree(poses[:, :2])
         for k in range(1, graph.n_poses):
             rows = np.sort(places.query_ball_point(poses[k, :2], _FARTHEST))
@@ -125,38 +124,19 @@ class LoopSearch:
                 closure = replace(closure, outcome=ClosureOutcome.UNEXPECTED)
             self._accept(closure) if closure.is_accepted else self._log(closure)
 
-    def audit(self) -> list[tuple[list[Closure], float]]:
-        """Return groups of matches against the map, by row, and the odds of each less those of what it contradicts."""
-        growing, graph, latest = self._map, self._map.graph, self._latest()
-        followed = set(map(tuple, graph.ends[graph.is_closure & graph.is_followed].tolist()))
-        known = [c for c in latest if (c.i, c.j) in followed]
-        # views from afar are found where the graph expects them: they do not defend it
-        known = [c for c in known if not is_whole(c.covariance) or np.hypot(*c.pose[:2]) < self.config.closures.reach]
-        ends = np.array([(c.i, c.j) for c in known]).reshape(-1, 2)
-        found = []
-        in_doubt = {(c.i, c.j) for c in self.doubled() if c.outcome is not ClosureOutcome.NO_MATCH}
-        tried = [c for c in latest if c.confidence >= SURE or (c.i, c.j) in in_doubt]
-        for group in groups_against([c for c in tried if (c.i, c.j) not in followed], graph.poses, self.config):
-            beside = np.abs(ends[:, np.newaxis] - [(one.i, one.j) for one in group]).max(axis=2).min(axis=1) <= N_NEAR
-            pool = [known[k] for k in np.flatnonzero(beside).tolist()] + group
-            members = np.arange(len(pool) - len(group), len(pool))
-            found.append((group, lead_of(pool, members, growing.chain(), self.config, 0.0)))
-        return found
+    def audit(self) -> bool:
+        """Accept sets of matches that say more against the map than it costs to follow them; return whether any do."""
+        graph, tied, is_opened = self._map.graph, self._tied(), False
+        found = [c for c in self._latest() if c.outcome is not ClosureOutcome.NO_MATCH and (c.i, c.j) not in tied]
+        for said, members in sets_against(found, graph.poses, self.config):
+            if said > self.config.closures.log_odds and said > cost_of(members, graph):
+                is_opened = True
+                for one in members:
+                    self._accept(replace(one, outcome=ClosureOutcome.AGREED))
+        return is_opened
 
-    def reopen(self, audited: list[tuple[list[Closure], float]]) -> bool:
-        """Accept what contradicts the map by matches that say all they can together; return whether any of it is new.
-
-        By less false ones lead as well: a map that is right would be bent for good.
-        """
-        graph, least = self._map.graph, MOST_LOG_ODDS - self.config.closures.log_odds
-        tied = set(map(tuple, graph.ends[graph.is_closure].tolist()))
-        new = [one for group, lead in audited if lead > least for one in group if (one.i, one.j) not in tied]
-        for one in new:
-            self._accept(replace(one, outcome=ClosureOutcome.AGREED))
-        return len(new) > 0
-
-    def doubled(self) -> list[Closure]:
-        """Return matches that fail where a map shows places twice, by row; none where most do not for some way."""
+    def doubled(self) -> tuple[Contradiction, ...]:
+        """Return the matches that fail where a map shows places twice; none where most do not for some way."""
         poses, excess, most, run, longest = self._map.graph.poses, 0.0, 0.0, list[Closure](), list[Closure]()
         for j, tried in groupby(sorted(self._latest(), key=lambda c: (c.j, c.i)), key=lambda c: c.j):
             of = {c.i: c for c in tried}
@@ -166,7 +146,14 @@ class LoopSearch:
             excess += 2.0 * len(failed) / len(seen) - 1.0 if seen else 0.0
             excess, run = (excess, run + failed) if excess > 0.0 else (0.0, [])
             most, longest = (excess, run) if excess > most else (most, longest)
-        return longest if most >= _N_DOUBLED else []
+        if most < _N_DOUBLED:
+            return ()
+        ends = np.array([(c.i, c.j) for c in longest])
+        return (Contradiction(place=poses[ends[:, 1], :2].mean(axis=0), pairs=self._map.keyframes.numbers[ends]),)
+
+    def _tied(self) -> set[tuple[int, int]]:
+        """Return the keyframes, by row, that have an edge."""
+        return {(i, j) for i, j in np.sort(self._map.graph.ends).tolist()}
 
     def _latest(self) -> list[Closure]:
         """Return the last match of each two keyframes of a part of the map that close a loop, by row."""

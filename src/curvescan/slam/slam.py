@@ -34,7 +34,7 @@ from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap, solve
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import Beside, LoopSearch
-from curvescan.slam.loops.audit import Contradiction, contradictions
+from curvescan.slam.loops.audit import Contradiction
 from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.pose_graph.graph import PoseGraph
@@ -95,7 +95,7 @@ class Slam:
         self._job: Future[tuple[PoseGraph, Cov]] | None = None
         self._job_due = 0
         self.contradictions: tuple[Contradiction, ...] = ()
-        """Matches that contradict the finished map together; empty before :meth:`finish`."""
+        """Matches that fail in a row where the finished map shows places twice; empty before :meth:`finish`."""
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at this scan.
@@ -204,11 +204,10 @@ class Slam:
             for _ in range(_N_PASSES):
                 self._search.densify(self._n_scans, beside)
                 self._settle()
-                if not self._search.reopen(self._search.audit()):
+                if not self._search.audit():
                     break
                 self._settle()
-            against = [*(group for group, lead in self._search.audit() if lead > 0.0), self._search.doubled()]
-            self.contradictions = tuple(contradictions(against, self.graph.poses, self.keyframes.numbers))
+            self.contradictions = self._search.doubled()
         return self.trajectory()
 
     def _settle(self) -> None:

@@ -37,16 +37,14 @@ def best_group(pool: list[Closure], chain: Chain, config: SlamConfig) -> tuple[l
     before = np.flatnonzero(whole[:-1] == whole[-1])  # what leaves a way open agrees with the next room as well
     friends = before[agreements(pool, before, np.array([last]), chain, config, known)[:, 0]]
     members = np.append(friends[largest_clique(agreements(pool, friends, friends, chain, config, known))], last)
-    alone, needed = _odds(pool, members, chain, config), config.closures.log_odds
-    return members.tolist(), lead_of(pool, members, chain, config, known) if alone > needed else alone
-
-
-def lead_of(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig, known: float) -> float:
-    """Return the log odds of a set less those of the others that contradict most of it, however the ways may err."""
+    alone = odds(pool, members, chain, config)
+    if alone <= config.closures.log_odds:
+        return members.tolist(), alone
     others = np.setdiff1d(np.arange(len(pool)), members)
+    # what contradicts most of the set, however the ways may err
     others = others[agreements(pool, others, members, chain, config, np.inf).mean(axis=1) < 0.5]
     against = others[largest_clique(agreements(pool, others, others, chain, config, known))]
-    return _odds(pool, members, chain, config) - max(_odds(pool, against, chain, config), 0.0)
+    return members.tolist(), alone - max(odds(pool, against, chain, config), 0.0)
 
 
 def agreements(pool: list[Closure], rows: Ints, columns: Ints, chain: Chain, config: SlamConfig, known: float) -> Bools:
@@ -61,7 +59,7 @@ def agreements(pool: list[Closure], rows: Ints, columns: Ints, chain: Chain, con
     return np.asarray(distances[np.ix_(rows, columns)] < GATE)
 
 
-def _odds(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig) -> float:
+def odds(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig) -> float:
     """Return the log odds of a set: of its views, and of where the graph expects them."""
     if not len(members):
         return 0.0

@@ -1,79 +1,87 @@
-"""Audit: matches that the finished map refuses, grouped by agreement.
+"""Audit: what matches that the finished map refuses say against it together, and what it costs to follow them.
 
-One of them may be wrong. Where many agree, or fail where the map shows places twice, it is more likely the map.
+One of them may be wrong, and two corners may look alike for a stretch. Where many agree along the way, or fail where
+the map shows places twice, it is more likely the map.
 """
 
 from __future__ import annotations
 
 import math
+from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.loops.agreement import agreements, largest_clique
-from curvescan.slam.loops.closures import Closure, expectation_of
+from curvescan.slam.loops.agreement import agreements, largest_clique, odds
+from curvescan.slam.loops.closures import Closure
 from curvescan.slam.loops.cycles import Chain, difference
-from curvescan.slam.pose_graph.graph import is_whole
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
+from curvescan.slam.pose_graph.robust import optimized
 from curvescan.types import Floats, Ints, Pose
-
-_N_KEYFRAMES = 5
-"""Keyframes whose matches must agree: three agreed on a good map of Killian, ten and more do on bent ones."""
 
 N_NEAR = 20
 """Most keyframes between closures that may speak for or against each other."""
 
-SURE = 0.9
-"""Confidence from which on a match alone may contradict the finished map: right in 99.9 %."""
-
-_BENT_M = 0.5
-"""A map that is off by less is not bent, metres."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Contradiction:
-    """Matches that contradict the finished map: sure ones that agree with each other, or that fail in a row."""
+    """Matches that fail in a row where the finished map shows places twice."""
 
     place: Floats  # (2,): mean place of the later keyframes in the map, metres
     pairs: Ints  # (n, 2): numbers of the keyframes of each match; the later one second
-    off: Pose  # (3,): median of where they put the later keyframe, seen from where the map has it; NaN where they fail
 
 
-def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> list[Contradiction]:
-    """Return what groups of matches, by row, say against a map, the largest first: a few keyframes may be deceived."""
-    found: list[Contradiction] = []
-    for group in (one for one in groups if len({c.j for c in one}) >= _N_KEYFRAMES):
-        ends = np.array([(c.i, c.j) for c in group])
-        off = np.array([se2.between(se2.between(poses[c.i], poses[c.j]), c.pose) for c in group])
-        median = np.median(off, axis=0)
-        if not math.hypot(median[0], median[1]) <= _BENT_M:
-            found.append(Contradiction(place=poses[ends[:, 1], :2].mean(axis=0), pairs=numbers[ends], off=median))
-    return sorted(found, key=lambda one: -len(one.pairs))
+def sets_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> list[tuple[float, list[Closure]]]:
+    """Return sets of matches that agree with each other and not with a map, and the log odds of each, highest first.
 
-
-def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> list[list[Closure]]:
-    """Return the sets of matches that agree with each other and not with a map.
-
-    Each has the expectation of a map whose ways may have slipped. Those of a set are near each other along the path:
-    matches of far stretches agree by chance, as nothing is known of the way between.
+    Those of a group are near each other along the path: matches of far stretches agree by chance, as nothing is known
+    of the way between. Groups that go on from each other are one set, as one slip explains them; each adds its odds.
     """
-    against = []
-    for one in tried:
-        off = difference(se2.between(poses[one.i], poses[one.j]), one.pose)
-        cov = one.covariance + config.noise.spread
-        if not off @ np.linalg.solve(cov, off) < GATE:
-            expectation = expectation_of(off, cov, config, is_open=not is_whole(one.covariance))
-            against.append(replace(one, expectation=expectation))
-    rest = sorted(against, key=lambda c: (c.j, c.i))
     chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
+    found: list[tuple[float, list[Closure]]] = []
+    for group in _groups([one for one in tried if _is_refused(one, poses, config)], chain, config):
+        said, members = odds(group, np.arange(len(group)), chain, config), group
+        for k, (before, others) in enumerate(found):
+            near = [c for c in others if _is_near(c, group[0])]
+            pool, rows = near + group, np.arange(len(near) + len(group))
+            if near and agreements(pool, rows[: len(near)], rows[len(near) :], chain, config, 0.0).mean() > 0.5:
+                said, members = before + said, others + group
+                del found[k]
+                break
+        found.append((said, members))
+    return sorted(found, key=lambda one: -one[0])
+
+
+def cost_of(members: list[Closure], graph: PoseGraph) -> float:
+    """Return half the chi-square that a graph's edges have more if it follows matches; infinite if it does not."""
+    trial, n = deepcopy(graph), len(graph.ends)
+    for one in members:
+        trial.add_edge(one.i, one.j, one.pose, one.covariance, EdgeKind.CLOSURE)
+    alone, together = optimized(graph, weights=graph.weights), optimized(trial, weights=trial.weights)
+    is_followed = np.mean(together.weights[n:] > 0.5) > 0.5
+    return 0.5 * float(together.costs[:n].sum() - alone.costs.sum()) if is_followed else math.inf
+
+
+def _is_refused(one: Closure, poses: Pose, config: SlamConfig) -> bool:
+    off = difference(se2.between(poses[one.i], poses[one.j]), one.pose)
+    return not off @ np.linalg.solve(one.covariance + config.noise.spread, off) < GATE
+
+
+def _is_near(one: Closure, other: Closure) -> bool:
+    return abs(one.j - other.j) <= N_NEAR and abs(one.i - other.i) <= N_NEAR
+
+
+def _groups(refused: list[Closure], chain: Chain, config: SlamConfig) -> list[list[Closure]]:
+    """Return groups of matches near each other that agree; what the graph expects is not asked: it refuses them."""
+    rest = sorted((replace(one, expectation=0.0) for one in refused), key=lambda c: (c.j, c.i))
     found: list[list[Closure]] = []
     while rest:
-        near = [c for c in rest if abs(c.j - rest[0].j) <= N_NEAR and abs(c.i - rest[0].i) <= N_NEAR]
+        near = [c for c in rest if _is_near(c, rest[0])]
         rows = np.arange(len(near))
         members = set(largest_clique(agreements(near, rows, rows, chain, config, 0.0)).tolist())
         group = [c for k, c in enumerate(near) if k in members]
-        group = group if rest[0] in group else rest[:1]
-        found.append(group)
-        rest = [c for c in rest if c not in group]
+        found.append(group if rest[0] in group else rest[:1])
+        rest = [c for c in rest if c not in found[-1]]
     return found

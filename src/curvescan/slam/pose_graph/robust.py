@@ -29,7 +29,7 @@ class RobustOptimum(NamedTuple):
 
     poses: Pose  # (n, 3)
     weights: Floats  # (m,): of each edge in [0, 1]; near 0 or 1 at the end
-    cost: float  # sum of the edges' squared Mahalanobis distances, each up to its limit
+    costs: Floats  # (m,): squared Mahalanobis distance of each edge, up to its limit
 
 
 def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: float = 0.0) -> RobustOptimum:
@@ -40,10 +40,8 @@ def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: floa
 
     weights (m,): to begin with; None for all edges in full.
     """
-    edges, least = Edges.of(graph.ends, graph.measured, graph.edge_covariances), graph.least_weights
-    spread = graph.edge_covariances[:, :2, :2]
-    anywhere = np.linalg.det(spread + ANYWHERE_M**2 * np.eye(2)) / np.linalg.det(spread)
-    limits = GATE + np.where(graph.is_closure, 0.0, np.log(anywhere))
+    edges = Edges.of(graph.ends, graph.measured, graph.edge_covariances)
+    least, limits = graph.least_weights, _limits(graph)
     weights = np.ones(len(edges.ends)) if weights is None else np.maximum(weights, least)
     elimination = Elimination.of(edges.ends, graph.n_poses)
     poses = _optimum(graph.poses, edges, weights, elimination)
@@ -58,7 +56,14 @@ def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: floa
         poses = _optimum(poses, edges, weights, elimination)
         distances = squared_distances(poses, edges)
         convexity *= _STEP
-    return RobustOptimum(poses=poses, weights=weights, cost=float(np.minimum(distances, limits).sum()))
+    return RobustOptimum(poses=poses, weights=weights, costs=np.minimum(distances, limits))
+
+
+def _limits(graph: PoseGraph) -> Floats:
+    """Return (m,) squared Mahalanobis distances beyond which edges count no more."""
+    spread = graph.edge_covariances[:, :2, :2]
+    anywhere = np.linalg.det(spread + ANYWHERE_M**2 * np.eye(2)) / np.linalg.det(spread)
+    return np.asarray(GATE + np.where(graph.is_closure, 0.0, np.log(anywhere)))
 
 
 def tls_weights(distances: Floats, limit: Floats | float, convexity: float) -> Floats:
