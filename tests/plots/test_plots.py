@@ -164,7 +164,7 @@ def test_the_name_of_a_log_is_no_formula_and_no_warning(tmp_path, name):
 def test_the_graph_marks_where_matches_contradict_the_map(tmp_path, log):
     slam_map = cs.run(log, engine="slam").map
     colour, counts = to_rgb(FAILED), []
-    for k, refused in enumerate(([], [np.array([0.5, 0.5])])):
+    for k, refused in enumerate((np.empty((0, 2)), np.array([[0.5, 0.5]]))):
         draw_graph(tmp_path / f"{k}.png", slam_map, np.zeros((1, 2)), refused, title="graph")
         counts.append(int((np.abs(imread(tmp_path / f"{k}.png")[..., :3] - colour).max(axis=-1) < 0.02).sum()))
     assert counts[0] == 0

@@ -1,7 +1,7 @@
 """Maps as pictures: of a run, of wheels alone (the paper's figure 7), of occupancy and graphs; what figures share."""
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from curvescan.plots.colours import DARK, FAILED, GREY, LIGHT, PAIRED, PATH, TRU
 from curvescan.slam.loops.closures import is_loop
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Floats, Points, Pose
+from curvescan.types import Points, Pose
 
 _STYLE = Path(__file__).with_name("curvescan.mplstyle")
 _DPI = 150
@@ -153,8 +153,8 @@ def draw_side_by_side(path: Path, log: Log, tracks: Mapping[str, Pose], truth: P
             mark_ends(axes, track)
 
 
-def draw_graph(path: Path, slam_map: SlamMap, cells: Points, refused: Sequence[Floats], *, title: str) -> None:
-    """Save the pose graph of a map as a picture. cells (k, 2); refused: (2,) places where matches contradict it."""
+def draw_graph(path: Path, slam_map: SlamMap, cells: Points, refused: Points, *, title: str) -> None:
+    """Save the pose graph of a map as a picture. cells (k, 2); refused (c, 2): where matches contradict it."""
     is_closure = np.asarray(slam_map.kinds == EdgeKind.CLOSURE)
     is_used = np.asarray(slam_map.weights > 0.5)
     sessions = np.asarray(slam_map.sessions)[slam_map.ends]
@@ -173,8 +173,8 @@ def draw_graph(path: Path, slam_map: SlamMap, cells: Points, refused: Sequence[F
                 axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.4))
                 axes.plot([], [], color=colour, lw=1.0, label=f"{label} ({len(lines):,})")
         axes.plot(*slam_map.poses[:, :2].T, ".", color=PATH, ms=2, mew=0)
-        if refused:
-            axes.plot(*np.transpose(refused), "o", color=FAILED, mfc="none", ms=18, label="contradicted by matches")
+        if len(refused):
+            axes.plot(*refused.T, "o", color=FAILED, mfc="none", ms=18, label="contradicted by matches")
 
 
 _COLOURS = {"unknown": "#c4c7cc", "free": "#ffffff", "occupied": DARK}  # by the rank of a block

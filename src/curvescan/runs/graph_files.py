@@ -18,7 +18,7 @@ from curvescan.scan import LaserScan
 from curvescan.slam import ClosureOutcome, Slam
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Cov, Ints, Pose, PoseEdge
+from curvescan.types import Cov, Pose, PoseEdge
 
 CLOSURE_HEADER = (
     "scan", "keyframe_i", "keyframe_j", "score", "confidence", "squared_mahalanobis",
@@ -87,29 +87,17 @@ _CENTIMETRES = 100.0
 _FARTHEST = 65_000  # longest range that is kept, centimetres; 0 is no reading
 
 
-def write_view_file(
-    folder: Path,
-    log: Log,
-    n_scans: int,
-    *,
-    odometry: Pose | None = None,
-    keyframe_numbers: Ints | None = None,
-    keyframe_scans: Ints | None = None,
-) -> None:
+def write_view_file(folder: Path, log: Log, n_scans: int, **known: NDArray[Any]) -> None:
     """Write view.npz into a results folder.
 
-    odometry (n, 3); keyframe_numbers (k,): number of each keyframe of the map; keyframe_scans (m, 2): number and scan
-    of each keyframe that there ever was.
+    known: odometry (n, 3); keyframe_numbers (k,): number of each keyframe of the map; keyframe_scans (m, 2): number and
+    scan of each keyframe that there ever was; contradicted (c, 2): places where matches contradict the map.
     """
-    arrays: dict[str, Any] = beams_of(islice(log, n_scans))
-    if odometry is not None:
-        arrays["odometry"] = odometry.astype(np.float32)
+    arrays: dict[str, Any] = beams_of(islice(log, n_scans)) | known
     if log.odometry is not None:
-        arrays["wheels"] = log.odometry.poses[:n_scans].astype(np.float32)
-    if keyframe_numbers is not None:
-        arrays["keyframe_numbers"] = keyframe_numbers
-    if keyframe_scans is not None:
-        arrays["keyframe_scans"] = keyframe_scans
+        arrays["wheels"] = log.odometry.poses[:n_scans]
+    for name in {"odometry", "wheels", "contradicted"} & arrays.keys():
+        arrays[name] = arrays[name].astype(np.float32)
     np.savez_compressed(folder / VIEW_FILE, **arrays)
 
 

@@ -66,7 +66,8 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     lean = dataclasses.replace(record, steps=()), dataclasses.replace(maps, grid=None)
     drawn = [beside(_draw, folder, "map", *lean, title=title, truth=run.truth)]
     if isinstance(engine, Slam) and graph is not None:
-        shown = dataclasses.replace(graph, scans=()), maps.standing, [c.place for c in engine.contradictions]
+        refused = np.array([c.place for c in engine.contradictions]).reshape(-1, 2)
+        shown = dataclasses.replace(graph, scans=()), maps.standing, refused
         drawn.append(beside(_draw, folder, "graph", *shown, title=f"{title}: pose graph"))
     if maps.grid is not None:
         poses = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
@@ -87,6 +88,7 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
             odometry=record.odometry.poses,
             keyframe_numbers=engine.keyframes.numbers,
             keyframe_scans=engine.keyframe_scans(),
+            contradicted=refused,
         )
     elif isinstance(engine, Odometry):
         write_view_file(folder, run.scans, n)

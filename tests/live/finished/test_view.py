@@ -102,3 +102,22 @@ def test_one_file_opens_without_a_server_and_says_why_a_closure_was_accepted(res
         assert any(sentence in text for _, sentence, _, _ in read_results(results).tree["closures"]["kinds"])
         assert page.run("stage.panes.length") == 2
         assert page.log == []
+
+
+def test_a_place_where_matches_contradict_the_map_has_a_ring(results, tmp_path):
+    folder = tmp_path / "out"
+    shutil.copytree(results, folder)
+    with np.load(folder / "view.npz") as seen:
+        assert seen["contradicted"].shape == (0, 2)
+        np.savez(folder / "view.npz", **{**seen, "contradicted": np.array([[1.5, -2.0]], dtype=np.float32)})
+    assert read_results(folder).tree["contradicted"].tolist() == [[1.5, -2.0]]
+    cs.view(folder).save(tmp_path / "run.html")
+    with chromium() as page:
+        page.open((tmp_path / "run.html").as_uri())
+        page.wait("document.body && document.body.dataset.ready === 'yes'")
+        page.run("rings = []; arc = pen.arc; pen.arc = function (...a) { rings.push(a); arc.apply(this, a); }")
+        page.run("drawRun(runs[0])")
+        rings = page.run("rings.map(([u, v]) => [u, v, ...toScreen(1.5, -2.0)])")
+        assert [(u, v) for u, v, *_ in rings] == [(x, y) for *_, x, y in rings]
+        assert len(rings) == 1
+        assert page.log == []

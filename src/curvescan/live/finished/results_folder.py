@@ -68,6 +68,7 @@ def read_results(path: Path) -> FinishedRun:
         "verdict": record.get("verdict"),
         "outcome": np.array([kinds.index(one) for one in outcomes], dtype=np.uint8),
         "outcomes": [[*status_of(one), _SENTENCES.get(one, one)] for one in kinds],
+        "contradicted": seen.get("contradicted", ()),
         **_track(rows.stamps - rows.stamps[:1], rows.poses, rows.covariances, grid, seen),
     }
     if slam_map is not None:
@@ -194,8 +195,7 @@ def _aligned(poses: Floats | None, path: Pose) -> Floats | None:
     both = np.flatnonzero(np.isfinite(poses[:n, 0]) & np.isfinite(path[:n, 0]))
     if not both.size:
         return None
-    k = both[0]
-    return se2.compose(se2.compose(path[k], se2.inverse(poses[k])), poses[:n]).astype(np.float32)
+    return se2.compose(se2.compose(path[both[0]], se2.inverse(poses[both[0]])), poses[:n]).astype(np.float32)
 
 
 def _four(covariances: Cov | None, n: int) -> Floats:

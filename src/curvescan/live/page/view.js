@@ -138,6 +138,11 @@ function drawRun(run) {
   if (shown.has("ellipses") && run.keyframes) drawEllipses(run.keyframes, run.keyframe_covariances);
   else if (shown.has("ellipses")) drawEllipses(run.poses, run.covariances);
   if (shown.has("keyframes") && run.keyframes) drawKeyframes(run);
+  drawRings(run.contradicted || [], 16, colours.bad);
+}
+function drawRings(places, radius, colour) {
+  pen.strokeStyle = colour; pen.lineWidth = 2.5;
+  for (let i = 0; i < places.length; i += 2) { const [u, v] = toScreen(places[i], places[i + 1]); pen.beginPath(); pen.arc(u, v, radius, 0, 2 * Math.PI); pen.stroke(); }
 }
 
 function drawTrack(run) {
@@ -171,11 +176,7 @@ function drawClosures(run) {
   const { places, kind, kinds } = run.closures, lines = kinds.map(() => []);
   for (let m = 0; m < kind.length; m++) if (shown.has("closure " + kinds[kind[m]][0])) lines[kind[m]].push(...places.subarray(4 * m, 4 * m + 4));
   kinds.forEach(([, , isAccepted], k) => drawLinks(lines[k], isAccepted ? colours.closure : colours.bad, isAccepted ? 0.45 : 0.6));
-  if (chosen && chosen.run === run) { pen.lineWidth = 3; drawLinks(places.subarray(4 * chosen.m, 4 * chosen.m + 4), colours.warn, 1); drawAround(places, chosen.m); }
-}
-function drawAround(places, m) {
-  pen.strokeStyle = colours.warn; pen.lineWidth = 2;
-  for (const e of [0, 2]) { const [u, v] = toScreen(places[4 * m + e], places[4 * m + e + 1]); pen.beginPath(); pen.arc(u, v, 7, 0, 2 * Math.PI); pen.stroke(); }
+  if (chosen && chosen.run === run) { pen.lineWidth = 3; drawLinks(places.subarray(4 * chosen.m, 4 * chosen.m + 4), colours.warn, 1); drawRings(places.subarray(4 * chosen.m, 4 * chosen.m + 4), 7, colours.warn); }
 }
 
 function listKinds() {
@@ -327,8 +328,7 @@ function listEdits() {
 const save = (name, file) => download(name, { edits: mending.edits }, file);
 function drawMending(run) {
   if (mending.mode && !shown.has("keyframes")) drawKeyframes(run);
-  pen.strokeStyle = colours.warn; pen.lineWidth = 3;
-  for (const k of mending.picked) { const [u, v] = toScreen(run.keyframes[3 * k], run.keyframes[3 * k + 1]); pen.beginPath(); pen.arc(u, v, 8, 0, 2 * Math.PI); pen.stroke(); }
+  drawRings(mending.picked.flatMap((k) => [run.keyframes[3 * k], run.keyframes[3 * k + 1]]), 8, colours.warn);
   if (mending.answer) drawScan(mending.answer.pose, mending.answer.points, 0.01, colours.warn);
 }
 begin().catch((error) => { $("verdict").hidden = false; chip("verdict", "bad", `This page could not be read: ${error.message}`); });
