@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan import se2
-from curvescan.slam.config import GATE, SlamConfig
+from curvescan.slam.config import GATE, KEPT, SlamConfig
 from curvescan.slam.loops.agreement import agreements, largest_clique, odds
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.loops.cycles import Chain, difference
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
+from curvescan.slam.pose_graph.posterior import design_effect
 from curvescan.slam.pose_graph.robust import optimized
 from curvescan.types import Floats, Ints, Pose
 
@@ -60,8 +61,9 @@ def cost_of(members: list[Closure], graph: PoseGraph) -> float:
     for one in members:
         trial.add_edge(one.i, one.j, one.pose, one.covariance, EdgeKind.CLOSURE)
     alone, together = optimized(graph, weights=graph.weights), optimized(trial, weights=trial.weights)
+    alike = design_effect(graph.ends, graph.kinds != EdgeKind.MOTION, graph.n_poses, 1.0 - KEPT)
     is_followed = np.mean(together.weights[n:] > 0.5) > 0.5
-    return 0.5 * float(together.costs[:n].sum() - alone.costs.sum()) if is_followed else math.inf
+    return 0.5 * float(((together.costs[:n] - alone.costs) / alike).sum()) if is_followed else math.inf
 
 
 def _is_refused(one: Closure, poses: Pose, config: SlamConfig) -> bool:
