@@ -33,8 +33,8 @@ def is_whole(covariances: Cov) -> Bools:
 
 
 _EDGE = np.dtype([
-    ("ends", int, 2), ("measured", float, 3), ("covariance", float, (3, 3)),
-    ("kind", int), ("weight", float), ("least", float),
+    ("ends", np.int64, 2), ("measured", np.float64, 3), ("covariance", np.float64, (3, 3)),
+    ("kind", np.int64), ("weight", np.float64), ("least", np.float64),
 ])  # fmt: skip
 
 _LEAST_STEP = 1e-4
