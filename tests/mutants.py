@@ -205,6 +205,13 @@ NAMED = (
         "slam/test_growing_map.py",
     ),
     _named(
+        "a set against the map is followed whatever it costs",
+        "slam/loop_search.py",
+        "if said > cost_of(members, graph, alone.costs):",
+        "if said > 0.0:",
+        "slam/test_audit.py",
+    ),
+    _named(
         "closures of a keyframe that goes stay where they were",
         "slam/thinning.py",
         "moved = compose(from_heir, edge)",

@@ -26,6 +26,7 @@ from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, i
 from curvescan.slam.loops.overlap import foretold_overlap
 from curvescan.slam.open_direction import placed
 from curvescan.slam.pose_graph.graph import is_whole
+from curvescan.slam.pose_graph.robust import optimized
 from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
 N_LINKED = 3  # preceding keyframes that a new one is matched with
@@ -126,11 +127,14 @@ class LoopSearch:
 
     def audit(self) -> bool:
         """Accept sets of matches that say more against the map than it costs to follow them; return whether any do."""
-        graph, tied, is_opened = self._map.graph, self._tied(), False
+        graph, tied, alone, is_opened = self._map.graph, self._tied(), None, False
         found = [c for c in self._latest() if c.outcome is not ClosureOutcome.NO_MATCH and (c.i, c.j) not in tied]
         for said, members in sets_against(found, graph.poses, self.config):
-            if said > self.config.closures.log_odds and said > cost_of(members, graph):
-                is_opened = True
+            if said <= self.config.closures.log_odds:
+                break  # nor do the others say more
+            alone = alone or optimized(graph, weights=graph.weights)
+            if said > cost_of(members, graph, alone.costs):
+                alone, is_opened = None, True
                 for one in members:
                     self._accept(replace(one, outcome=ClosureOutcome.AGREED))
         return is_opened

@@ -55,15 +55,15 @@ def sets_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> list[
     return sorted(found, key=lambda one: -one[0])
 
 
-def cost_of(members: list[Closure], graph: PoseGraph) -> float:
-    """Return half the chi-square that a graph's edges have more if it follows matches; infinite if it does not."""
+def cost_of(members: list[Closure], graph: PoseGraph, alone: Floats) -> float:
+    """Return half the chi-square, (m,) alone, that edges have more if a graph follows matches; inf if it does not."""
     trial, n = deepcopy(graph), len(graph.ends)
     for one in members:
         trial.add_edge(one.i, one.j, one.pose, one.covariance, EdgeKind.CLOSURE)
-    alone, together = optimized(graph, weights=graph.weights), optimized(trial, weights=trial.weights)
+    together = optimized(trial, weights=trial.weights)
     alike = design_effect(graph.ends, graph.kinds != EdgeKind.MOTION, graph.n_poses, 1.0 - KEPT)
     is_followed = np.mean(together.weights[n:] > 0.5) > 0.5
-    return 0.5 * float(((together.costs[:n] - alone.costs) / alike).sum()) if is_followed else math.inf
+    return 0.5 * float(((together.costs[:n] - alone) / alike).sum()) if is_followed else math.inf
 
 
 def _is_refused(one: Closure, poses: Pose, config: SlamConfig) -> bool:

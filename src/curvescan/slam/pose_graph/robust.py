@@ -40,8 +40,10 @@ def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: floa
 
     weights (m,): to begin with; None for all edges in full.
     """
-    edges = Edges.of(graph.ends, graph.measured, graph.edge_covariances)
-    least, limits = graph.least_weights, _limits(graph)
+    edges, least = Edges.of(graph.ends, graph.measured, graph.edge_covariances), graph.least_weights
+    spread = graph.edge_covariances[:, :2, :2]
+    anywhere = np.linalg.det(spread + ANYWHERE_M**2 * np.eye(2)) / np.linalg.det(spread)
+    limits = GATE + np.where(graph.is_closure, 0.0, np.log(anywhere))
     weights = np.ones(len(edges.ends)) if weights is None else np.maximum(weights, least)
     elimination = Elimination.of(edges.ends, graph.n_poses)
     poses = _optimum(graph.poses, edges, weights, elimination)
@@ -57,13 +59,6 @@ def optimized(graph: PoseGraph, *, weights: Floats | None, least_convexity: floa
         distances = squared_distances(poses, edges)
         convexity *= _STEP
     return RobustOptimum(poses=poses, weights=weights, costs=np.minimum(distances, limits))
-
-
-def _limits(graph: PoseGraph) -> Floats:
-    """Return (m,) squared Mahalanobis distances beyond which edges count no more."""
-    spread = graph.edge_covariances[:, :2, :2]
-    anywhere = np.linalg.det(spread + ANYWHERE_M**2 * np.eye(2)) / np.linalg.det(spread)
-    return np.asarray(GATE + np.where(graph.is_closure, 0.0, np.log(anywhere)))
 
 
 def tls_weights(distances: Floats, limit: Floats | float, convexity: float) -> Floats:
