@@ -176,7 +176,7 @@ function drawClosures(run) {
   const { places, kind, kinds } = run.closures, lines = kinds.map(() => []);
   for (let m = 0; m < kind.length; m++) if (shown.has("closure " + kinds[kind[m]][0])) lines[kind[m]].push(...places.subarray(4 * m, 4 * m + 4));
   kinds.forEach(([, , isAccepted], k) => drawLinks(lines[k], isAccepted ? colours.closure : colours.bad, isAccepted ? 0.45 : 0.6));
-  if (chosen && chosen.run === run) { pen.lineWidth = 3; drawLinks(places.subarray(4 * chosen.m, 4 * chosen.m + 4), colours.warn, 1); drawRings(places.subarray(4 * chosen.m, 4 * chosen.m + 4), 7, colours.warn); }
+  if (chosen && chosen.run === run) { const ends = places.subarray(4 * chosen.m, 4 * chosen.m + 4); pen.lineWidth = 3; drawLinks(ends, colours.warn, 1); drawRings(ends, 7, colours.warn); }
 }
 
 function listKinds() {
