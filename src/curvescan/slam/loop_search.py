@@ -70,7 +70,7 @@ class LoopSearch:
         growing, keyframes, profiles = self._map, self._map.keyframes, self._map.keyframes.profiles.array
         linked = enumerate(growing.along(max(k - N_LINKED, 0))[:-2], max(k - N_LINKED, 0))
         self._queue += [Candidate(i, k, way.cov) for i, way in linked if growing.fragments[i] == growing.fragments[k]]
-        poses, similarity = growing.graph.poses, keyframes.index.similarity(keyframes.signature(keyframes.prepared(k)))
+        poses, similarity = growing.graph.poses, keyframes.index.similarity(keyframes.index.array[k])
         # what is known of a relative pose is costly: not of what lies afar and looks different
         rows = (similarity >= _MIN_SIMILARITY) | (np.hypot(*(poses[:, :2] - poses[k, :2]).T) < _FARTHEST)
         rows = np.flatnonzero(rows[:k])

@@ -80,10 +80,7 @@ class SlamMap:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the map to a file, conventionally NAME.csmap, in one step; see docs/slam.md for the format.
 
-        Raises
-        ------
-        OutputError
-            When the file cannot be written.
+        Raises OutputError when it cannot be written.
         """
         write_map_file(path, self)
 

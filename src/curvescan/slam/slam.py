@@ -249,8 +249,5 @@ class Slam:
         return n_closures, int(np.count_nonzero(is_followed)) - n_closures
 
     def __repr__(self) -> str:
-        n_closures, n_neighbours = self.count_matches()
-        return (
-            f"Slam({self.method}: {self._n_scans:,} scans, {len(self.keyframes):,} keyframes, "
-            f"{n_closures:,} loop closures, {n_neighbours:,} matches of neighbours)"
-        )
+        n, k, closed = self._n_scans, len(self.keyframes), self.count_matches()[0]
+        return f"Slam({self.method}: {n:,} scans, {k:,} keyframes, {closed:,} loop closures)"

@@ -92,8 +92,7 @@ class MapMatcher:
         """Return matches without a guess with keyframes that look like a scan; none that leave a direction open."""
         current = self._keyframes.prepare(scan)
         alike = self._keyframes.index.most_similar(self._keyframes.signature(current), N_TRIED)
-        hits = [self._hit(k, current, None) for k in alike.tolist()]
-        return [hit for hit in hits if hit is not None]
+        return [hit for k in alike.tolist() if (hit := self._hit(k, current, None)) is not None]
 
     def _hit(self, k: int, current: PreparedScan, prior: UncertainPose | None) -> Hit | None:
         """Return where a match puts a scan; None where it fails, or leaves a direction open without a prior."""
@@ -115,17 +114,15 @@ class MapMatcher:
         x, y, _ = self._map.poses[hit.keyframe] - self._map.poses[keyframe]
         position, _, rotation = np.diagonal(self._config.noise.spread)
         apart2 = x * x + y * y
-        error = np.array([position + rotation * apart2, position + rotation * apart2, rotation])
-        n_edges = 1.0 + math.sqrt(apart2) / self._config.keyframes.distance
-        return UncertainPose(expected.pose, expected.cov + n_edges * np.diag(error))
+        far, n_edges = position + rotation * apart2, 1.0 + math.sqrt(apart2) / self._config.keyframes.distance
+        return UncertainPose(expected.pose, expected.cov + n_edges * np.diag([far, far, rotation]))
 
     def settled(self, points: Points, hits: list[Hit]) -> list[Hit]:
         """Return the best match of one scan and those that agree with it: a bent map puts it in several places."""
         if len(hits) < 2:
             return hits
         # by how much less the map agrees with the scan there than with the keyframe itself
-        fits = [self.field.agreement(points, hit.here.pose) for hit in hits]
-        missing = [1.0 - self.misfit(hit.keyframe) - fit for hit, fit in zip(hits, fits, strict=True)]
+        missing = [1.0 - self.misfit(hit.keyframe) - self.field.agreement(points, hit.here.pose) for hit in hits]
         first = hits[int(np.argmax([SCORE * hit.score - m for hit, m in zip(hits, missing, strict=True)]))]
         others = [hit._replace(here=self.seen_from(hit.here, first.keyframe, hit)) for hit in hits if hit is not first]
         return [first, *(hit for hit in others if _agree(first.here, hit))]

@@ -140,8 +140,7 @@ class MapSearch:
                 continue
             # a match with a keyframe tells more than the walls of a map that is bent, or has changed
             score = max((hit.score for hit in matched if is_same(hit.here.pose, pose)), default=0.0)
-            fit = self.field.agreement(points, pose)
-            view = said(contour, fit, score)
+            view = said(contour, self.field.agreement(points, pose), score)
             # the sensor may have come into the map with the view before, where it was expected also with this one
             least = 0.0 if likely > 0.0 else -_MOST_AGAINST
             so_far = supports[k] if k < len(earlier) else missed
@@ -162,9 +161,7 @@ class MapSearch:
             return self._places
         keyframes = self._keyframes
         similar = keyframes.index.most_similar(keyframes.signature(keyframes.prepare(scan)), len(keyframes))
-        rank = np.empty(len(similar), dtype=np.int64)
-        rank[similar] = np.arange(len(similar))
-        order = np.argsort(rank[self._nearest], kind="stable")[:_N_PLACES]
+        order = np.argsort(np.argsort(similar)[self._nearest], kind="stable")[:_N_PLACES]
         return np.ascontiguousarray(self._places[order])
 
 

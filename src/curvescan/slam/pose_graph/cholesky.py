@@ -6,6 +6,7 @@ inverse of that of C. The pattern is closed: where a column has two rows, that o
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -28,17 +29,23 @@ class Elimination(NamedTuple):
     @classmethod
     def of(cls, ends: Ints, n_poses: int) -> Elimination:
         """Return the order of minimum degree by the (m, 2) ends of edges."""
-        from scipy.sparse import coo_array, dia_array  # loads for a good part of a second
-        from scipy.sparse.linalg import splu
+        return _eliminated(ends.tobytes(), n_poses)
 
-        i, j = np.concatenate((ends, ends[:, ::-1])).T
-        links = coo_array((np.ones(len(i)), (i, j)), shape=(n_poses, n_poses)).tocsc()
-        # hardly more than singular: no entry of its factor is zero by chance, or fades away along a chain
-        degrees = dia_array((np.bincount(i, minlength=n_poses) + 1e-6, 0), shape=links.shape)
-        found = splu((degrees - links).tocsc(), "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True})
-        lower = found.L.tocsc()
-        lower.sort_indices()
-        return cls(np.argsort(found.perm_c), lower.indptr.astype(np.int64), lower.indices.astype(np.int64))
+
+@functools.lru_cache(maxsize=1)  # one graph is solved several times
+def _eliminated(ends: bytes, n_poses: int) -> Elimination:
+    from scipy.sparse import coo_array, dia_array  # loads for a good part of a second
+    from scipy.sparse.linalg import splu
+
+    rows = np.frombuffer(ends, dtype=np.int64).reshape(-1, 2)
+    i, j = np.concatenate((rows, rows[:, ::-1])).T
+    links = coo_array((np.ones(len(i)), (i, j)), shape=(n_poses, n_poses)).tocsc()
+    # hardly more than singular: no entry of its factor is zero by chance, or fades away along a chain
+    degrees = dia_array((np.bincount(i, minlength=n_poses) + 1e-6, 0), shape=links.shape)
+    found = splu((degrees - links).tocsc(), "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True})
+    lower = found.L.tocsc()
+    lower.sort_indices()
+    return Elimination(np.argsort(found.perm_c), lower.indptr.astype(np.int64), lower.indices.astype(np.int64))
 
 
 @kernel

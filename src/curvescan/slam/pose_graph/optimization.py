@@ -14,7 +14,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan._jit import kernel
-from curvescan.se2.uncertain import wrap_angle
+from curvescan.se2.uncertain import inverse3, wrap_angle
 from curvescan.slam.pose_graph.cholesky import Elimination, factorized, inverse_blocks, solved
 from curvescan.types import Cov, Floats, Ints, Pose
 
@@ -32,8 +32,8 @@ class Edges(NamedTuple):
     @classmethod
     def of(cls, ends: Ints, measured: Pose, covariances: Cov) -> Edges:
         """Return edges from covariances, each positive definite."""
-        ends, measured = np.ascontiguousarray(ends), np.ascontiguousarray(measured)
-        return cls(ends, measured, np.linalg.inv(covariances).astype(np.float64))
+        covariances = np.ascontiguousarray(covariances)
+        return cls(np.ascontiguousarray(ends), np.ascontiguousarray(measured), _inverses(covariances))
 
     def chosen(self, rows: Ints) -> Edges:
         """Return some of the edges."""
@@ -84,6 +84,14 @@ def marginal_covariances(poses: Pose, edges: Edges, weights: Floats, anchors: In
 def squared_distances(poses: Pose, edges: Edges) -> Floats:
     """Return (m,) squared Mahalanobis distances of the edges at the poses."""
     return linearized(poses, *edges, np.ones(len(edges.ends)))[2]
+
+
+@kernel
+def _inverses(covariances: Cov) -> Cov:
+    found = np.empty((len(covariances), 3, 3))
+    for k in range(len(covariances)):
+        found[k] = inverse3(covariances[k])
+    return found
 
 
 @kernel

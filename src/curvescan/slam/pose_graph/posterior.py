@@ -37,11 +37,10 @@ def covariances_seen_from(graph: PoseGraph, k: int, noise: NoiseConfig, *, in_ro
 
     in_row: Share of the variance of steps that no match measures which a whole row of them has in common.
     """
-    poses, ends, measured, weights = graph.poses, graph.ends, graph.measured, graph.weights.copy()
+    poses, ends, measured = graph.poses, graph.ends, graph.measured
+    off = squared_distances(poses, Edges.of(ends, measured, graph.edge_covariances))
     # a step that slipped is as wide as it is off
-    steps = np.flatnonzero(~graph.is_closure)
-    off = squared_distances(poses, Edges.of(ends[steps], measured[steps], graph.edge_covariances[steps]))
-    weights[steps] = np.minimum(1.0, GATE / np.maximum(off, GATE))
+    weights = np.where(graph.is_closure, graph.weights, np.minimum(1.0, GATE / np.maximum(off, GATE)))
     is_match = (graph.kinds != EdgeKind.MOTION) & (weights > 0.5)
     covariances = graph.edge_covariances.copy()
     covariances[is_match] = without_floor(covariances[is_match], noise.floor)
@@ -58,8 +57,7 @@ def covariances_seen_from(graph: PoseGraph, k: int, noise: NoiseConfig, *, in_ro
     scaled[:, 2, 2] += heading_drift(ends, measured, len(poses))
     anchors = first_of_each(labels)
     anchors[labels[k]] = k
-    used = np.flatnonzero(weights > 0.0)
-    found = marginal_covariances(poses, Edges.of(ends, measured, scaled).chosen(used), weights[used], anchors)
+    found = marginal_covariances(poses, Edges.of(ends, measured, scaled), weights, anchors)
     found[labels != labels[k]] = LOST_COVARIANCE
     # what each of both scans adds to all of its edges; of what a match leaves open it says nothing
     common = (1.0 - KEPT) / (2.0 * KEPT) * covariances
