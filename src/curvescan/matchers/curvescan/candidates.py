@@ -39,8 +39,7 @@ def refine_candidates(problem: Problem, found: Candidates) -> tuple[WeighedPoses
     None where no pose finds enough support.
     """
     ref = problem.reference
-    scores = found.scores.tolist()
-    contested = [k for k, score in enumerate(scores) if score > CONTESTED * scores[0]]
+    contested = found.scores > CONTESTED * found.scores[:1]
     weighed, assessment = look_closer(problem, found.poses[contested])
     if assessment is not None:
         is_weak = assessment.is_weakly_observable(problem.config.information)
@@ -74,8 +73,7 @@ def direction_of_walls(ref: CurvescanFeatures, assessment: Assessment) -> Pose:
     """Return (3,) the motion of 1 m along the surfaces of the reference that agree."""
     agreeing = ref.image.surfels[assessment.codes_ref == INLIER]
     length, nx, ny = agreeing[:, LENGTH], agreeing[:, NX], agreeing[:, NY]
-    doubled = length @ (2.0 * nx * ny), length @ (nx * nx - ny * ny)
-    facing = 0.5 * math.atan2(*doubled)
+    facing = 0.5 * math.atan2(length @ (2.0 * nx * ny), length @ (nx * nx - ny * ny))
     return np.array([-math.sin(facing), math.cos(facing), 0.0])
 
 
@@ -86,8 +84,7 @@ def with_places_along(problem: Problem, poses: Floats, weakest: Pose) -> Floats:
     offsets = np.arange(-n, n + 1) * _FINE_STEP
     moved_along = poses[0] + offsets[:, np.newaxis] * weakest
     moved_along = moved_along[np.abs(offsets * weakest[2]) < _MAX_TURN]
-    best, _ = select(moved_along, ref.wide_image, cur.wide_image, *CLOSE, 4, 24, SAME)
-    return np.concatenate((poses, best))
+    return np.concatenate((poses, select(moved_along, ref.wide_image, cur.wide_image, *CLOSE, 4, 24, SAME)[0]))
 
 
 def look_closer(problem: Problem, poses: Floats) -> tuple[WeighedPoses, Assessment | None]:

@@ -236,4 +236,7 @@ def log_odds_of(evidence: Floats, priors: Floats, wide_priors: Floats) -> Floats
 @kernel
 def is_hopeless(evidence: Floats, priors: Floats, wide_priors: Floats) -> bool:
     """Return whether no pose comes near the confidence of a match: neither search along walls nor refinement helps."""
-    return not np.any(log_odds_of(evidence, priors, wide_priors)[:, 0] >= _HOPELESS)
+    highest = -math.inf  # np.any would load SciPy's linear algebra with Numba's code for it
+    for said in log_odds_of(evidence, priors, wide_priors):
+        highest = max(highest, said[0])
+    return not highest >= _HOPELESS
