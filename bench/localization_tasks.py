@@ -19,7 +19,7 @@ from curvescan.scan import LaserScan
 from curvescan.simulation import SENSORS, Sensor, World, build_world, simulate
 from curvescan.simulation.buildings.floorplan import WALL_THICKNESS
 from curvescan.slam import Slam, SlamMap, load_map
-from curvescan.slam.localization.correlative import refined_poses, thinned
+from curvescan.slam.localization.correlative import refined, thinned
 from curvescan.slam.localization.field import DistanceField, counts, field_of
 from curvescan.types import Bools, Floats, Points, Pose
 
@@ -81,7 +81,7 @@ class LocalizationTask:
         if self.is_true:
             return pose
         points = points_of(self.scans[k])
-        moved = refined_poses(self.field, pose[np.newaxis], thinned(points))[0]
+        moved = refined(self.field, pose[np.newaxis], thinned(points))[0][0]
         gain = self.field.agreement(points, moved) - self.field.agreement(points, pose)
         is_near = np.hypot(*(moved - pose)[:2]) < _FIT_M
         return moved if gain > _FIT_GAIN and is_near else pose

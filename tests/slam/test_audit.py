@@ -91,6 +91,7 @@ def test_what_the_graph_follows_in_no_case_costs_without_bound() -> None:
 
 
 NO = [0.0, 0.0, 0.0]
+NOWHERE = {"pose": np.full(3, np.nan), "distance": np.nan, "outcome": ClosureOutcome.NO_MATCH}
 TWICE = np.vstack((POSES[:20], POSES[:20]))
 """A robot comes by the same places again."""
 
@@ -119,6 +120,20 @@ def test_matches_that_say_more_than_they_cost_are_followed_however_sure_each_is(
     assert not any(c.is_accepted for c in search.closures)
 
 
+def test_what_fails_where_the_map_has_the_keyframes_speaks_for_a_set_too() -> None:
+    """It says 12.6 and costs 16; 20.6 where nothing fits the map there."""
+    graph = PoseGraph()
+    for pose in TWICE:
+        graph.add_pose(pose)
+    for k in range(39):
+        cov = (0.2 if k == 19 else 0.01) ** 2 * np.eye(3)
+        graph.add_edge(k, k + 1, se2.between(TWICE[k], TWICE[k + 1]), cov, EdgeKind.MOTION)
+    off = [replace(_refused(k, 20 + k, NO), pose=np.array([1.0, 0.5, 0.0])) for k in range(8)]
+    fits = [replace(_refused(k + 1, 20 + k, NO), pose=np.array([-0.5, 0.0, 0.0]), distance=1.0) for k in range(8)]
+    assert not _search(graph, off + fits).audit()
+    assert _search(graph, off).audit()
+
+
 def test_what_is_an_edge_already_is_not_followed_again() -> None:
     long = [_refused(k, 40 + k, [1.0, 0.5, 0.0]) for k in range(40)]
     graph = _graph()
@@ -130,11 +145,10 @@ def test_what_is_an_edge_already_is_not_followed_again() -> None:
 def _doubled(fails: list[bool], fragments: list[int] | None = None) -> list[list[int]]:
     """Return what fails on TWICE, by which of the later keyframes do."""
     tried = [replace(_refused(k, 20 + k, NO), pose=np.zeros(3), distance=1.0) for k in range(len(fails))]
-    nowhere = {"pose": np.full(3, np.nan), "distance": np.nan, "outcome": ClosureOutcome.NO_MATCH}
     graph = PoseGraph()
     for pose in TWICE:
         graph.add_pose(pose)
-    search = _search(graph, [replace(c, **nowhere) if fails[c.i] else c for c in tried], fragments)
+    search = _search(graph, [replace(c, **NOWHERE) if fails[c.i] else c for c in tried], fragments)
     return [pair for found in search.doubled() for pair in found.pairs.tolist()]
 
 

@@ -178,9 +178,7 @@ class Localizer:
         vague = self.config.noise.doubled(expected)
         found, is_due = self._matching.around(scan, vague, seen_from=fix.keyframe)
         hits = self._matching.settled(points, found)
-        now = expected
-        if hits:
-            now, _ = fuse(self._matching.seen_from(expected, fix.keyframe, hits[0]), fused(hits))
+        now = fuse(self._matching.seen_from(expected, fix.keyframe, hits[0]), fused(hits))[0] if hits else expected
         fit = field.agreement(points, now.pose)
         view = said(contour_length(points), fit).by_walls
         prior = float(self._search.known(self._prior, now.pose[np.newaxis])[0])

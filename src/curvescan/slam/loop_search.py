@@ -7,7 +7,7 @@ the graph surely expects it is accepted, what the graph does not know waits for 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import chain, groupby, zip_longest
 from typing import Any, NamedTuple, TypeAlias
@@ -129,11 +129,15 @@ class LoopSearch:
         """Accept sets of matches that say more against the map than it costs to follow them; return whether any do."""
         graph, tied, alone, is_opened = self._map.graph, self._tied(), None, False
         found = [c for c in self._latest() if c.outcome is not ClosureOutcome.NO_MATCH and (c.i, c.j) not in tied]
+        failing: dict[int, float] = {}
         for said, members in sets_against(found, graph.poses, self.config):
             if said <= self.config.closures.log_odds:
                 break  # nor do the others say more
             alone = alone or optimized(graph, weights=graph.weights)
-            if said > cost_of(members, graph, alone.costs):
+            failing = failing or {j: excess for j, excess, _ in self._failing()}
+            # what fails where the map has these keyframes speaks against it too
+            failed = sum(failing.get(j, 0.0) for j in {c.j for c in members})
+            if said + max(failed, 0.0) > cost_of(members, graph, alone.costs):
                 alone, is_opened = None, True
                 for one in members:
                     self._accept(replace(one, outcome=ClosureOutcome.AGREED))
@@ -141,19 +145,26 @@ class LoopSearch:
 
     def doubled(self) -> tuple[Contradiction, ...]:
         """Return the matches that fail where a map shows places twice; none where most do not for some way."""
-        poses, excess, most, run, longest = self._map.graph.poses, 0.0, 0.0, list[Closure](), list[Closure]()
+        excess, most, run, longest = 0.0, 0.0, list[Closure](), list[Closure]()
+        for _, more, failed in self._failing():
+            excess += more
+            excess, run = (excess, run + failed) if excess > 0.0 else (0.0, [])
+            most, longest = (excess, run) if excess > most else (most, longest)
+        if most < _N_DOUBLED:
+            return ()
+        ends, poses = np.array([(c.i, c.j) for c in longest]), self._map.graph.poses
+        return (Contradiction(place=poses[ends[:, 1], :2].mean(axis=0), pairs=self._map.keyframes.numbers[ends]),)
+
+    def _failing(self) -> Iterator[tuple[int, float, list[Closure]]]:
+        """Yield keyframes that the map shows again, the share that fails less that which does not, and what fails."""
+        poses = self._map.graph.poses
         for j, tried in groupby(sorted(self._latest(), key=lambda c: (c.j, c.i)), key=lambda c: c.j):
             of = {c.i: c for c in tried}
             rows = np.array([*of])
             seen = [of[c.i] for c in self._overlapping(j, rows, se2.between(poses[rows], poses[j]))]
             failed = [c for c in seen if not (c.is_accepted or c.distance < GATE)]
-            excess += 2.0 * len(failed) / len(seen) - 1.0 if seen else 0.0
-            excess, run = (excess, run + failed) if excess > 0.0 else (0.0, [])
-            most, longest = (excess, run) if excess > most else (most, longest)
-        if most < _N_DOUBLED:
-            return ()
-        ends = np.array([(c.i, c.j) for c in longest])
-        return (Contradiction(place=poses[ends[:, 1], :2].mean(axis=0), pairs=self._map.keyframes.numbers[ends]),)
+            if seen:
+                yield j, 2.0 * len(failed) / len(seen) - 1.0, failed
 
     def _tied(self) -> set[tuple[int, int]]:
         """Return the keyframes, by row, that have an edge."""

@@ -73,20 +73,14 @@ def likely_poses(field: DistanceField, places: Points, points: Points, n_most: i
     order = np.argsort(-scores, axis=None, kind="stable")[:_N_REFINED]
     order = order[scores.ravel()[order] >= _LEAST]
     rough = np.column_stack((places[order // scores.shape[1]], headings.ravel()[order]))
-    refined, fine = _refined(field, rough, points)
+    found, fine = refined(field, rough, points)
     chosen: list[int] = []
     for k in np.argsort(-fine, kind="stable").tolist():
-        if not is_same(refined[chosen], refined[k]).any():
+        if not is_same(found[chosen], found[k]).any():
             chosen.append(k)
         if len(chosen) == n_most:
             break
-    return refined[chosen]
-
-
-def refined_poses(field: DistanceField, rough: Pose, points: Points) -> Pose:
-    """Return poses (n, 3) moved to where a scan (m, 2) fits the map best nearby."""
-    poses: Pose = _refined(field, np.ascontiguousarray(rough), points)[0]
-    return poses
+    return found[chosen]
 
 
 @kernel
@@ -127,15 +121,16 @@ def _best_headings(field: DistanceField, places: Points, points: Points) -> tupl
 
 
 @kernel
-def _refined(field: DistanceField, rough: Pose, points: Points) -> tuple[Pose, Floats]:
-    """Return poses moved uphill on a finer score by steps that are halved, and that score."""
+def refined(field: DistanceField, rough: Pose, points: Points) -> tuple[Pose, Floats]:
+    """Return poses (n, 3) moved to where a scan (m, 2) fits the map best nearby, and (n,) how well.
+
+    They go uphill on a finer score by steps that are halved.
+    """
     poses, scores = rough.copy(), np.zeros(len(rough))
     for p in range(len(rough)):
         step, turn, reach = 0.5 * STEP_M, 0.5 * STEP_RAD, REACH_M
         for _ in range(4):
-            best = _score(field, points, poses[p], reach, 0.0)
-            moved = True
-            n = 0
+            best, moved, n = _score(field, points, poses[p], reach, 0.0), True, 0
             while moved and n < 6:
                 moved = False
                 n += 1

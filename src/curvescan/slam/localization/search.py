@@ -17,14 +17,7 @@ from curvescan import se2
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.localization.correlative import (
-    STEP_M,
-    contour_length,
-    is_same,
-    likely_poses,
-    refined_poses,
-    thinned,
-)
+from curvescan.slam.localization.correlative import STEP_M, contour_length, is_same, likely_poses, refined, thinned
 from curvescan.slam.localization.field import DistanceField, points_of
 from curvescan.slam.localization.matching import N_TRIED, SCORE, Hit
 from curvescan.slam.localization.prior import LOG_ODDS, Prior
@@ -129,7 +122,7 @@ class MapSearch:
         earlier = past.found
         if before is not None and earlier:
             carried = se2.compose(np.array([place.pose for place in earlier]), before[1].pose)
-            poses = np.concatenate((refined_poses(self.field, carried, few), poses))
+            poses = np.concatenate((refined(self.field, carried, few)[0], poses))
         poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
         # a place that was not among those of earlier views agreed with them no better than the least of them
         supports = np.array([place.support for place in earlier]).reshape(-1, len(Said._fields))
