@@ -211,7 +211,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "matchers": (671, 4, 0),
     "matchers/baselines": (1528, 44, 35),
     "matchers/cfsma": (1101, 15, 17),
-    "matchers/curvescan": (3443, 81, 22),
+    "matchers/curvescan": (3433, 81, 22),
     "odometry": (1356, 28, 19),
     "paper": (1608, 84, 0),
     "plots": (712, 37, 0),
@@ -219,7 +219,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "runs/batch": (1632, 5, 0),
     "se2": (386, 0, 0),
     "simulation": (1947, 85, 0),
-    "slam": (4000, 57, 18),
+    "slam": (3997, 56, 18),
 }
 """Lines, tuned numbers and config fields that a room may have: they go down, and this table with them."""
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.assessment.assessment import Support, assess_pose, degenerate_directions
+from curvescan.matchers.curvescan.assessment.assessment import assess_pose, degenerate_directions
+from curvescan.matchers.curvescan.assessment.confidence import Support
 from curvescan.matchers.curvescan.assessment.evidence import BEYOND, SMALL, extent
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.candidates import (

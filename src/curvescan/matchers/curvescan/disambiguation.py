@@ -11,13 +11,11 @@ import numpy as np
 from curvescan.matchers.curvescan.assessment.assessment import (
     DOUBLED,
     Assessment,
-    Support,
     assess_pose,
     degenerate_directions,
-    support_of,
     without_dynamic,
 )
-from curvescan.matchers.curvescan.assessment.confidence import ANY, WeighedPoses
+from curvescan.matchers.curvescan.assessment.confidence import ANY, Support, WeighedPoses, support_of
 from curvescan.matchers.curvescan.assessment.evidence import SMALL, extent
 from curvescan.matchers.curvescan.assessment.information import Open
 from curvescan.matchers.curvescan.candidates import direction_of_walls

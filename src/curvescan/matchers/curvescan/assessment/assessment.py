@@ -1,28 +1,17 @@
-"""Assessment: what two scans say of a pose, which directions they leave open, and what speaks for one of several."""
+"""Assessment: what two scans say of a pose, and which directions they leave open."""
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.assessment.confidence import MAX_REPETITION, REGULAR, WeighedPoses
 from curvescan.matchers.curvescan.assessment.evidence import Compared, gather_evidence
 from curvescan.matchers.curvescan.assessment.information import Open, Row, matrices, pose_information
 from curvescan.matchers.curvescan.assessment.labels import MOVED, mark_moved
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
-from curvescan.matchers.curvescan.config import (
-    AS_GOOD,
-    LASER_ERROR,
-    NEAR,
-    CurvescanConfig,
-    InformationConfig,
-    ScoringConfig,
-)
+from curvescan.matchers.curvescan.config import AS_GOOD, LASER_ERROR, CurvescanConfig, InformationConfig, ScoringConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.proposal.scoring import FINE, select
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine
@@ -30,7 +19,6 @@ from curvescan.types import Codes, Cov, Floats, Pose
 
 # How far along a weak direction the scans are compared, in what it is known to where it just counts as known.
 DOUBLED: Floats = np.array([1.0, 2.0, 4])
-_MAX_LOG_ODDS = 60  # beyond it a probability is 0 or 1
 
 
 class Assessment(NamedTuple):
@@ -70,53 +58,6 @@ class Assessment(NamedTuple):
     def matrices(self, is_open: Open, config: InformationConfig) -> tuple[Cov, Cov]:
         """Return the (3, 3) information on the pose, zero along what is open, and its covariance, wide there."""
         return matrices(self.information, self.axes, self.units, is_open, config.degenerate_sigma)
-
-
-class Support(NamedTuple):
-    """What speaks for the first of some poses and against it."""
-
-    log_odds: float  # that it is right and the scans have not nothing in common
-    rivals: dict[int, float]  # log odds that another pose is right instead, by its row
-    # rows that cannot be distinguished from the first: they explain what supports it, or lie to either side of it at
-    # one distance and each explain some: shelves in a row, of which it lays those of one scan on the next of the other
-    repeated: list[int]
-    is_by_prior: bool = False  # whether the scans alone do not distinguish another from the first, and the prior does
-
-    def probabilities(self, accepted: Sequence[int] = ()) -> tuple[float, float]:
-        """Return how likely it is that the first pose is right, and that the scans have nothing in common.
-
-        The `accepted` rows are held by the covariance of the first pose.
-        """
-        odds = {row: math.exp(min(value, _MAX_LOG_ODDS)) for row, value in self.rivals.items()}
-        nothing = math.exp(min(-self.log_odds, _MAX_LOG_ODDS))
-        right = 1.0 + sum(odds[row] for row in accepted if row in odds)
-        total = 1.0 + sum(odds.values()) + nothing
-        return right / total, nothing / total
-
-
-def support_of(weighed: WeighedPoses, others: Sequence[int]) -> Support:
-    """Return what speaks for the first of some poses."""
-    shares = {k: weighed.repetition(k) for k in others}
-    repetitions = {k: share * weighed.fading(k) for k, share in shares.items()}
-    regular = regular_rows(weighed, repetitions)
-    return Support(
-        log_odds=weighed.log_odds(0),
-        rivals={k: weighed.rival_log_odds(k) for k in others},
-        repeated=[k for k, share in repetitions.items() if share > MAX_REPETITION or k in regular],
-        is_by_prior=any(share > MAX_REPETITION >= repetitions[k] for k, share in shares.items()),
-    )
-
-
-def regular_rows(weighed: WeighedPoses, repetitions: dict[int, float]) -> tuple[int, ...]:
-    """Return the rows of poses that come in pairs, as far from the first to one side as to the other, turned as it is.
-
-    `repetitions` has the rows to look at and the share of the first's support that each explains.
-    """
-    rows = [k for k, share in repetitions.items() if share > REGULAR and weighed.is_beside(k)]
-    sums = {
-        (i, j): weighed.poses[i] + weighed.poses[j] - 2.0 * weighed.poses[0] for i, j in itertools.combinations(rows, 2)
-    }
-    return tuple(row for pair, (x, y, _) in sums.items() if math.hypot(x, y) < NEAR for row in pair)
 
 
 def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, config: CurvescanConfig) -> Assessment:

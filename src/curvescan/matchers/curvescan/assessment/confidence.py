@@ -9,9 +9,12 @@ that explains as much as the best makes the match ambiguous. The model and its f
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +28,7 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     SMALL,
     WEAKEST,
 )
-from curvescan.matchers.curvescan.config import SAME
+from curvescan.matchers.curvescan.config import NEAR, SAME
 from curvescan.matchers.curvescan.pose_difference import difference
 from curvescan.matchers.curvescan.prior import TOLD
 from curvescan.types import Floats
@@ -63,6 +66,7 @@ _BARE_PRIOR = -0.25  # log odds of the prior below which a bare room may be turn
 _DOUBTFUL = 0.1  # of what agrees: a pose of which more is contradicted is in doubt
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
 _HOPELESS = -2.0  # log odds: of 13,571 pairs none that is turned away so would match
+_MAX_LOG_ODDS = 60  # beyond it a probability is 0 or 1
 _AS_LIKELY = 0.5  # log odds by which a place along one long wall may be less likely than the best
 _ONE_WAY = 0.12  # of what agrees: less of it runs across the rest in a corridor
 
@@ -203,6 +207,53 @@ class WeighedPoses:
     def fading(self, k: int) -> float:
         """Return the share that is left of a rival by how much less the prior has it than the first."""
         return math.exp(min(_PRIOR_OF_TWO * self.expected_more(k), 0.0))
+
+
+class Support(NamedTuple):
+    """What speaks for the first of some poses and against it."""
+
+    log_odds: float  # that it is right and the scans have not nothing in common
+    rivals: dict[int, float]  # log odds that another pose is right instead, by its row
+    # rows that cannot be distinguished from the first: they explain what supports it, or lie to either side of it at
+    # one distance and each explain some: shelves in a row, of which it lays those of one scan on the next of the other
+    repeated: list[int]
+    is_by_prior: bool = False  # whether the scans alone do not distinguish another from the first, and the prior does
+
+    def probabilities(self, accepted: Sequence[int] = ()) -> tuple[float, float]:
+        """Return how likely it is that the first pose is right, and that the scans have nothing in common.
+
+        The `accepted` rows are held by the covariance of the first pose.
+        """
+        odds = {row: math.exp(min(value, _MAX_LOG_ODDS)) for row, value in self.rivals.items()}
+        nothing = math.exp(min(-self.log_odds, _MAX_LOG_ODDS))
+        right = 1.0 + sum(odds[row] for row in accepted if row in odds)
+        total = 1.0 + sum(odds.values()) + nothing
+        return right / total, nothing / total
+
+
+def support_of(weighed: WeighedPoses, others: Sequence[int]) -> Support:
+    """Return what speaks for the first of some poses."""
+    shares = {k: weighed.repetition(k) for k in others}
+    repetitions = {k: share * weighed.fading(k) for k, share in shares.items()}
+    regular = regular_rows(weighed, repetitions)
+    return Support(
+        log_odds=weighed.log_odds(0),
+        rivals={k: weighed.rival_log_odds(k) for k in others},
+        repeated=[k for k, share in repetitions.items() if share > MAX_REPETITION or k in regular],
+        is_by_prior=any(share > MAX_REPETITION >= repetitions[k] for k, share in shares.items()),
+    )
+
+
+def regular_rows(weighed: WeighedPoses, repetitions: dict[int, float]) -> tuple[int, ...]:
+    """Return the rows of poses that come in pairs, as far from the first to one side as to the other, turned as it is.
+
+    `repetitions` has the rows to look at and the share of the first's support that each explains.
+    """
+    rows = [k for k, share in repetitions.items() if share > REGULAR and weighed.is_beside(k)]
+    sums = {
+        (i, j): weighed.poses[i] + weighed.poses[j] - 2.0 * weighed.poses[0] for i, j in itertools.combinations(rows, 2)
+    }
+    return tuple(row for pair, (x, y, _) in sums.items() if math.hypot(x, y) < NEAR for row in pair)
 
 
 @kernel
