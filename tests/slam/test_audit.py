@@ -129,7 +129,7 @@ def test_what_fails_where_the_map_has_the_keyframes_speaks_for_a_set_too() -> No
         cov = (0.2 if k == 19 else 0.01) ** 2 * np.eye(3)
         graph.add_edge(k, k + 1, se2.between(TWICE[k], TWICE[k + 1]), cov, EdgeKind.MOTION)
     off = [replace(_refused(k, 20 + k, NO), pose=np.array([1.0, 0.5, 0.0])) for k in range(8)]
-    fits = [replace(_refused(k + 1, 20 + k, NO), pose=np.array([-0.5, 0.0, 0.0]), distance=1.0) for k in range(8)]
+    fits = [replace(_refused(k + 1, 20 + k, NO), pose=np.array([-0.5, 0.0, 0.0])) for k in range(8)]
     assert not _search(graph, off + fits).audit()
     assert _search(graph, off).audit()
 
@@ -143,8 +143,8 @@ def test_what_is_an_edge_already_is_not_followed_again() -> None:
 
 
 def _doubled(fails: list[bool], fragments: list[int] | None = None) -> list[list[int]]:
-    """Return what fails on TWICE, by which of the later keyframes do."""
-    tried = [replace(_refused(k, 20 + k, NO), pose=np.zeros(3), distance=1.0) for k in range(len(fails))]
+    """Return what fails on TWICE, by which of the later keyframes do; the graph refused all when they were tried."""
+    tried = [replace(_refused(k, 20 + k, NO), pose=np.zeros(3)) for k in range(len(fails))]
     graph = PoseGraph()
     for pose in TWICE:
         graph.add_pose(pose)

@@ -17,11 +17,11 @@ import numpy as np
 from curvescan import se2
 from curvescan.matchers.result import WIDE_PRIOR
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.slam.config import GATE, SlamConfig
+from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.agreement import best_group
-from curvescan.slam.loops.audit import N_NEAR, Contradiction, cost_of, sets_against
+from curvescan.slam.loops.audit import N_NEAR, Contradiction, cost_of, is_refused, sets_against
 from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, is_certain, is_loop
 from curvescan.slam.loops.overlap import foretold_overlap
 from curvescan.slam.open_direction import placed
@@ -162,7 +162,7 @@ class LoopSearch:
             of = {c.i: c for c in tried}
             rows = np.array([*of])
             seen = [of[c.i] for c in self._overlapping(j, rows, se2.between(poses[rows], poses[j]))]
-            failed = [c for c in seen if not (c.is_accepted or c.distance < GATE)]
+            failed = [c for c in seen if is_refused(c, poses, self.config)]
             if seen:
                 yield j, 2.0 * len(failed) / len(seen) - 1.0, failed
 

@@ -92,8 +92,7 @@ def read_map_file(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise LogFormatError(
             f"{path} is a map of version {version}, and this curvescan reads up to {VERSION}: install a later one"
         )
-    missing = [name for name in _REQUIRED if name not in file.headers]
-    if missing:
+    if missing := [name for name in _REQUIRED if name not in file.headers]:
         raise LogFormatError(f"map {path} is damaged: {', '.join(missing)} missing")
     arrays = {name: file.read(name) for name in file.headers}
     try:
@@ -142,11 +141,9 @@ def _scans_of(arrays: dict[str, Floats]) -> tuple[LaserScan, ...]:
     all_angles = iter(np.split(arrays["angles"], np.cumsum(n_beams[is_uneven])))
     scans = []
     for stamp, ranges, setup in zip(arrays["stamps"].tolist(), all_ranges, arrays["setups"].tolist(), strict=True):
-        angle_min, angle_increment, range_min, range_max, uneven = setup
-        directions: dict[str, Any] = {"angle_min": angle_min, "angle_increment": angle_increment}
-        if uneven:
-            directions = {"angles": next(all_angles)}
-        scans.append(LaserScan(ranges, range_min=range_min, range_max=range_max, stamp=stamp, **directions))
+        low, step, range_min, range_max, uneven = setup
+        angles: dict[str, Any] = {"angles": next(all_angles)} if uneven else {"angle_min": low, "angle_increment": step}
+        scans.append(LaserScan(ranges, range_min=range_min, range_max=range_max, stamp=stamp, **angles))
     return tuple(scans)
 
 

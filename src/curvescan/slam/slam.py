@@ -41,17 +41,10 @@ from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.records import Records
 from curvescan.types import Cov, Ints, Pose
 
-_VAGUE = 0.3
-"""A new keyframe is due when the way since the last one is known no better than this, metres and radians."""
-
-_N_LEAST, _GROWTH = 10, 0.05
-"""Keyframes between two optimizations, and share by which the graph grows, at the least, unless a loop closes."""
-
-_N_ADOPT = 60
-"""Scans between the start of an optimization and its result."""
-
-_N_PASSES = 3
-"""Looks at the whole map at the end, as long as one opens it again."""
+_VAGUE = 0.3  # a new keyframe is due when the way since the last one is known no better, metres and radians
+_N_LEAST, _GROWTH = 10, 0.05  # keyframes between optimizations, and share by which the graph grows, if no loop closes
+_N_ADOPT = 60  # scans between the start of an optimization and its result
+_N_PASSES = 3  # looks at the whole map at the end, as long as one opens it again
 
 
 class Slam:
@@ -112,10 +105,7 @@ class Slam:
         Step
             Pose and covariance in the map as it is now, the pose in ``odom``, and the loop closures that were accepted.
 
-        Raises
-        ------
-        InvalidArgumentError
-            As :meth:`Odometry.add` does.
+        Raises InvalidArgumentError as :meth:`Odometry.add` does.
         """
         return self.add_placed(scan, self.odometry.add(scan, odometry_pose))
 

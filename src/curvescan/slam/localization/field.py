@@ -8,7 +8,8 @@ Robotics", 2005, section 6.4, with the free space that it leaves out).
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,8 +71,10 @@ def field_of(slam_map: SlamMap) -> DistanceField:
     resolution = OccupancyConfig().resolution
     while True:
         try:
-            worn = _grid(slam_map, resolution=resolution, miss=_WORN, free_to=_FREE)
-            return field_of_grid(worn, _grid(slam_map, resolution=resolution).is_occupied)
+            # beams without a return clear no cell: black walls and glass swallow them as space does
+            cells = partial(OccupancyConfig, clear_no_return=False, resolution=resolution)
+            worn = slam_map.occupancy(cells(miss=_WORN, free_to=_FREE))
+            return field_of_grid(worn, slam_map.occupancy(cells()).is_occupied)
         except MapTooLargeError:
             resolution *= 2.0
 
@@ -89,11 +92,6 @@ def field_of_grid(grid: OccupancyGrid, is_solid: Bools | bool = True) -> Distanc
         origin=np.asarray(grid.origin, dtype=np.float64),
         resolution=grid.resolution,
     )
-
-
-def _grid(slam_map: SlamMap, **given: Any) -> OccupancyGrid:
-    """Return the map as cells; beams without a return clear none: black walls and glass swallow them as space does."""
-    return slam_map.occupancy(OccupancyConfig(clear_no_return=False, **given))
 
 
 @kernel

@@ -42,7 +42,7 @@ def sets_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> list[
     """
     chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
     found: list[tuple[float, list[Closure]]] = []
-    for group in _groups([one for one in tried if _is_refused(one, poses, config)], chain, config):
+    for group in _groups([one for one in tried if is_refused(one, poses, config)], chain, config):
         said, members = odds(group, np.arange(len(group)), chain, config), group
         for k, (before, others) in enumerate(found):
             near = [c for c in others if _is_near(c, group[0])]
@@ -66,7 +66,8 @@ def cost_of(members: list[Closure], graph: PoseGraph, alone: Floats) -> float:
     return 0.5 * float(((together.costs[:n] - alone) / alike).sum()) if is_followed else math.inf
 
 
-def _is_refused(one: Closure, poses: Pose, config: SlamConfig) -> bool:
+def is_refused(one: Closure, poses: Pose, config: SlamConfig) -> bool:
+    """Return whether a match failed, or contradicts the poses of a finished map, (n, 3)."""
     off = difference(se2.between(poses[one.i], poses[one.j]), one.pose)
     return not off @ np.linalg.solve(one.covariance + config.noise.spread, off) < GATE
 

@@ -76,8 +76,7 @@ def design_effect(ends: Ints, is_match: Bools, n_poses: int, correlation: float)
     degrees = np.bincount(ends[is_match].ravel(), minlength=n_poses)
     # half of the matches of a keyframe are with earlier ones; the mean of both ends
     n_alike = (degrees[ends[:, 0]] + degrees[ends[:, 1]]) / 4
-    effect = 1.0 + (np.maximum(n_alike, 1.0) - 1.0) * correlation
-    return np.where(is_match, effect, 1.0)
+    return np.where(is_match, 1.0 + (np.maximum(n_alike, 1.0) - 1.0) * correlation, 1.0)
 
 
 def heading_drift(ends: Ints, measured: Pose, n_poses: int) -> Floats:
