@@ -178,8 +178,8 @@ class GrowingMap:
         n = self.belief.n
         is_kept, gone = thin(self.graph, np.asarray(self.fragments), n - 1, self.config.places)
         numbers = self.keyframes.numbers.tolist()
-        for v, (heir, seen) in gone.items():
-            self.gone.append(Heir(numbers[v], numbers[heir], seen))
+        for v, ties in gone.items():
+            self.gone.append(Heir(numbers[v], *(one._replace(to=numbers[one.to]) for one in ties)))
         if gone:
             self.graph.keep_poses(is_kept)
             self.keyframes.keep(is_kept)

@@ -1,9 +1,9 @@
 """Thinning: each place keeps few keyframes, the newest: memory follows the area and not the time.
 
-A keyframe that goes leaves its heir, one of the same place, and how it lay to it: scans that hang on it still move with
-the map. What its edges measured is carried over to those that stay. The exact marginal ties all neighbours to each
-other. Kept of it are the steps of the chain, composed, and the closures, moved to the heir. After Eade, Fong and
-Munich, "Monocular graph SLAM with complexity reduction", IROS 2010.
+A keyframe that goes leaves its heir, one of the same place, and how it lay to it and to the one before: scans that hang
+on it still move with the map. What its edges measured is carried over to those that stay. The exact marginal ties all
+neighbours to each other. Kept of it are the steps of the chain, composed, and the closures, moved to the heir. After
+Eade, Fong and Munich, "Monocular graph SLAM with complexity reduction", IROS 2010.
 """
 
 from __future__ import annotations
@@ -13,18 +13,25 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
-from curvescan.se2.uncertain import UncertainPose, compose, inverse
-from curvescan.slam.config import PlacesConfig
+from curvescan.se2.uncertain import UncertainPose, compose, fuse, inverse
+from curvescan.slam.config import GATE, PlacesConfig
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, is_whole
 from curvescan.types import Bools, Cov, Ints, Pose
 
 
+class Tie(NamedTuple):
+    """Another keyframe, and how one lies to it."""
+
+    to: int
+    seen: UncertainPose
+
+
 class Heir(NamedTuple):
-    """What became of a keyframe that went, by numbers that stay: its heir, and how it lies to that."""
+    """What became of a keyframe that went, by numbers that stay."""
 
     number: int
-    heir: int
-    seen: UncertainPose
+    tie: Tie  # to its heir, by a match
+    step: Tie  # to the one before it; to the heir where there was none
 
 
 def with_heirs(gone: list[Heir], numbers: Ints, poses: Pose, covariances: Cov) -> tuple[Pose, Cov]:
@@ -35,18 +42,21 @@ def with_heirs(gone: list[Heir], numbers: Ints, poses: Pose, covariances: Cov) -
     n_all = len(numbers) + len(gone)
     all_poses, all_covariances = np.empty((n_all, 3)), np.empty((n_all, 3, 3))
     all_poses[numbers], all_covariances[numbers] = poses, covariances
-    for number, heir, seen in reversed(gone):
-        found = compose(UncertainPose(all_poses[heir], all_covariances[heir]), seen)
+    for number, tie, step in reversed(gone):
+        by_tie = se2.between(all_poses[step.to], se2.compose(all_poses[tie.to], tie.seen.pose))
+        # a match that the finished map contradicts was false: the way beside it holds
+        to, seen = tie if fuse(step.seen, UncertainPose(by_tie, tie.seen.cov))[1] < GATE else step
+        found = compose(UncertainPose(all_poses[to], all_covariances[to]), seen)
         all_poses[number], all_covariances[number] = found.pose, found.cov
     return all_poses, all_covariances
 
 
 def thin(
     graph: PoseGraph, fragments: Ints, n_settled: int, rules: PlacesConfig
-) -> tuple[Bools, dict[int, tuple[int, UncertainPose]]]:
-    """Take keyframes out where a place has too many; return (n,) which stay, and heir and pose of each other one."""
+) -> tuple[Bools, dict[int, tuple[Tie, Tie]]]:
+    """Take keyframes out where a place has too many; return (n,) which stay, and the ties by row of each other one."""
     is_kept = np.ones(graph.n_poses, dtype=np.bool_)
-    gone: dict[int, tuple[int, UncertainPose]] = {}
+    gone: dict[int, tuple[Tie, Tie]] = {}
     older, newer = pairs_alike(graph.poses, fragments, rules.radius).T
     first = np.searchsorted(older, np.arange(n_settled + 1))
     for v in (1 + np.flatnonzero(np.diff(first[1:]) >= rules.n_keyframes)).tolist():  # the first is the map's frame
@@ -80,8 +90,8 @@ def best_tie(graph: PoseGraph, v: int, among: Ints) -> int | None:
     return int(rows[np.argmin(spread)]) if is_tie.any() else None
 
 
-def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[int, UncertainPose]:
-    """Carry the edges of pose v over to those that stay, take them out; return its heir, at the edge `tie`, and v."""
+def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[Tie, Tie]:
+    """Carry the edges of pose v over to those that stay, take them out; return its ties, by edge `tie` and by step."""
     rows = _edges_at(graph, v)
     seen = {row: _other_end(graph, row, v) for row in rows.tolist()}
     heir, heir_seen = seen[tie]
@@ -101,7 +111,8 @@ def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[int, UncertainPose]:
             moved = inverse(moved) if heir > u else moved
             graph.add_edge(min(heir, u), max(heir, u), moved.pose, moved.cov, EdgeKind.CLOSURE)
     graph.keep_edges(~np.isin(np.arange(len(graph.ends)), rows))
-    return heir, from_heir
+    i, edge = seen[before[-1] if before else tie]
+    return Tie(heir, from_heir), Tie(i, inverse(edge))
 
 
 def _edges_at(graph: PoseGraph, v: int) -> Ints:
