@@ -158,5 +158,5 @@ def test_a_keyframe_that_went_by_a_false_match_lies_where_the_way_has_it() -> No
     step = Tie(0, UncertainPose(np.array([0.5, 0.0, 0.0]), way))
     right, false = (Tie(2, UncertainPose(np.array([0.02, y, 0.0]), sure)) for y in (-3.0, 0.0))
     for tie, expected in ((right, [0.52, 0.0, 0.0]), (false, [0.5, 0.0, 0.0])):
-        placed, _ = with_heirs([Heir(3, tie, step)], np.arange(3), poses, np.zeros((3, 3, 3)))
+        placed, _ = with_heirs([Heir(3, tie, step)], np.arange(3), poses, np.zeros((3, 3, 3)), sure)
         np.testing.assert_allclose(placed[3], expected, atol=1e-12)

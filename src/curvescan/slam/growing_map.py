@@ -202,7 +202,8 @@ class GrowingMap:
 
     def placed(self) -> tuple[Pose, Cov]:
         """Return poses and covariances of all keyframes there ever were, by number."""
-        return with_heirs(self.gone, self.keyframes.numbers, self.graph.poses, self.covariances())
+        poses, spread = self.graph.poses, self.config.noise.spread
+        return with_heirs(self.gone, self.keyframes.numbers, poses, self.covariances(), spread)
 
     def snapshot(self) -> SlamMap:
         """Return the map as it is now."""

@@ -34,10 +34,11 @@ class Heir(NamedTuple):
     step: Tie  # to the one before it; to the heir where there was none
 
 
-def with_heirs(gone: list[Heir], numbers: Ints, poses: Pose, covariances: Cov) -> tuple[Pose, Cov]:
+def with_heirs(gone: list[Heir], numbers: Ints, poses: Pose, covariances: Cov, spread: Cov) -> tuple[Pose, Cov]:
     """Return (m, 3) poses and (m, 3, 3) covariances of all keyframes there ever were, by number.
 
-    gone: in the order in which they went; numbers (n,), poses (n, 3), covariances (n, 3, 3): of those that stayed.
+    gone: in the order in which they went; numbers (n,), poses (n, 3), covariances (n, 3, 3): of those that stayed;
+    spread (3, 3): covariance that the difference of two estimates of one pose has besides theirs.
     """
     n_all = len(numbers) + len(gone)
     all_poses, all_covariances = np.empty((n_all, 3)), np.empty((n_all, 3, 3))
@@ -45,7 +46,7 @@ def with_heirs(gone: list[Heir], numbers: Ints, poses: Pose, covariances: Cov) -
     for number, tie, step in reversed(gone):
         by_tie = se2.between(all_poses[step.to], se2.compose(all_poses[tie.to], tie.seen.pose))
         # a match that the finished map contradicts was false: the way beside it holds
-        to, seen = tie if fuse(step.seen, UncertainPose(by_tie, tie.seen.cov))[1] < GATE else step
+        to, seen = tie if fuse(step.seen, UncertainPose(by_tie, tie.seen.cov + spread))[1] < GATE else step
         found = compose(UncertainPose(all_poses[to], all_covariances[to]), seen)
         all_poses[number], all_covariances[number] = found.pose, found.cov
     return all_poses, all_covariances
