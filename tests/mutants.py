@@ -219,6 +219,12 @@ NAMED = (
         "slam/test_audit.py",
     ),
     _named(
+        "a keyframe that went hangs on its match whatever the finished map says",
+        "slam/thinning.py",
+        "tie if fuse(step.seen, UncertainPose(by_tie, tie.seen.cov + spread))[1] < GATE else step",
+        "tie",
+    ),
+    _named(
         "closures of a keyframe that goes stay where they were",
         "slam/thinning.py",
         "moved = compose(from_heir, edge)",

@@ -104,7 +104,10 @@ class Localizer:
         keeps_odometry : bool
             Whether the next scan follows the last one; else it is the first of another log.
 
-        Raises InvalidArgumentError when `pose` is not three numbers, or `covariance` no covariance.
+        Raises
+        ------
+        InvalidArgumentError
+            When `pose` is not three numbers, or `covariance` no covariance.
         """
         self._prior = None if pose is None else Prior.of(pose, covariance)  # where the sensor is, by all before
         self._is_told = pose is not None  # of the next scan already: its motion is in it

@@ -141,8 +141,9 @@ def _scans_of(arrays: dict[str, Floats]) -> tuple[LaserScan, ...]:
     all_angles = iter(np.split(arrays["angles"], np.cumsum(n_beams[is_uneven])))
     scans = []
     for stamp, ranges, setup in zip(arrays["stamps"].tolist(), all_ranges, arrays["setups"].tolist(), strict=True):
-        low, step, range_min, range_max, uneven = setup
-        angles: dict[str, Any] = {"angles": next(all_angles)} if uneven else {"angle_min": low, "angle_increment": step}
+        angle_min, angle_increment, range_min, range_max, uneven = setup
+        even = {"angle_min": angle_min, "angle_increment": angle_increment}
+        angles: dict[str, Any] = {"angles": next(all_angles)} if uneven else even
         scans.append(LaserScan(ranges, range_min=range_min, range_max=range_max, stamp=stamp, **angles))
     return tuple(scans)
 

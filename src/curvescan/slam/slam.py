@@ -105,7 +105,10 @@ class Slam:
         Step
             Pose and covariance in the map as it is now, the pose in ``odom``, and the loop closures that were accepted.
 
-        Raises InvalidArgumentError as :meth:`Odometry.add` does.
+        Raises
+        ------
+        InvalidArgumentError
+            As :meth:`Odometry.add` does.
         """
         return self.add_placed(scan, self.odometry.add(scan, odometry_pose))
 
@@ -239,5 +242,6 @@ class Slam:
         return n_closures, int(np.count_nonzero(is_followed)) - n_closures
 
     def __repr__(self) -> str:
-        n, k, closed = self._n_scans, len(self.keyframes), self.count_matches()[0]
-        return f"Slam({self.method}: {n:,} scans, {k:,} keyframes, {closed:,} loop closures)"
+        n_closures, n_neighbours = self.count_matches()
+        parts = f"{self._n_scans:,} scans, {len(self.keyframes):,} keyframes, {n_closures:,} loop closures"
+        return f"Slam({self.method}: {parts}, {n_neighbours:,} matches of neighbours)"
