@@ -28,8 +28,8 @@ from scipy.optimize import minimize
 import curvescan as cs
 from curvescan import se2
 from curvescan.benchmarks.scenarios import SCENARIOS
+from curvescan.matchers.curvescan.assessment.assessment import AssessedPose
 from curvescan.matchers.curvescan.assessment.confidence import COEFFICIENTS, terms_of
-from curvescan.matchers.curvescan.disambiguation import AssessedPose
 from curvescan.matchers.curvescan.pose_difference import is_along
 from curvescan.scan import LaserScan
 from curvescan.simulation import simulate_pairs

@@ -8,24 +8,19 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.assessment.assessment import assess_pose, degenerate_directions
+from curvescan.matchers.curvescan.assessment.assessment import (
+    along_walls,
+    along_weakest_direction,
+    assess_pose,
+    degenerate_directions,
+    ties_of,
+)
 from curvescan.matchers.curvescan.assessment.confidence import Support
 from curvescan.matchers.curvescan.assessment.evidence import BEYOND, SMALL, extent
 from curvescan.matchers.curvescan.assessment.labels import INLIER
-from curvescan.matchers.curvescan.candidates import (
-    direction_of_walls,
-    look_closer,
-    refine_candidates,
-    with_places_along,
-)
+from curvescan.matchers.curvescan.candidates import look_closer, refine_candidates, with_places_along
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.disambiguation import (
-    along_weakest_direction,
-    covariance_of_ties,
-    is_in_box,
-    move_to_guess,
-    ties_of,
-)
+from curvescan.matchers.curvescan.disambiguation import covariance_of_ties, is_in_box, move_to_guess
 from curvescan.matchers.curvescan.features.features import extract_features
 from curvescan.matchers.curvescan.features.surfels import N_COLUMNS, X, Y
 from curvescan.matchers.curvescan.prior import WIDE, Prior
@@ -54,16 +49,16 @@ def test_finalists_are_refined_and_the_far_off_left_out():
 def test_a_room_leaves_nothing_open_and_a_corridor_its_length():
     ref, cur = pair()
     assessment = assess_pose(ref, cur, MOTION, CONFIG)
-    assert not assessment.is_weakly_observable(CONFIG.information)
+    assert not assessment.is_weakly_observable(CONFIG)
     assert not any(degenerate_directions(ref, cur, MOTION, assessment, CONFIG))
     assert assessment.n_inliers > 250
 
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
     assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
-    assert assessment.is_weakly_observable(CONFIG.information)
+    assert assessment.is_weakly_observable(CONFIG)
     is_degenerate = degenerate_directions(ref, cur, np.zeros(3), assessment, CONFIG)
     assert is_degenerate == (True, False, False)
-    _, cov = assessment.matrices(is_degenerate, CONFIG.information)
+    _, cov = assessment.matrices(is_degenerate, CONFIG)
     assert cov[0, 0] > 0.8
     assert cov[1, 1] < 0.01
 
@@ -157,7 +152,7 @@ def test_along_one_long_wall_other_places_are_looked_at_but_where_a_guess_says_w
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
     pose = np.array([[0.4, 0.0, 0.0]])
     assessment = assess_pose(ref, cur, pose[0], CONFIG)
-    walls = direction_of_walls(ref, assessment)
+    walls = along_walls(ref, assessment)
     assert abs(walls[0]) == pytest.approx(1.0, abs=1e-3)
     assert walls[2] == 0.0
     known = assessment._replace(information=(1e5, 2e5, 1e6))  # as if people fixed it

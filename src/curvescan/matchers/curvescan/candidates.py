@@ -11,14 +11,14 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess, assess_pose, limits_of
+from curvescan.matchers.curvescan.assessment.assessment import Assessment, along_walls, assess, assess_pose, limits_of
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, is_hopeless
 from curvescan.matchers.curvescan.assessment.evidence import gather_evidence
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import SAME
 from curvescan.matchers.curvescan.features.features import N_WIDE, CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import choose_samples, with_samples
-from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY, X, Y
+from curvescan.matchers.curvescan.features.surfels import X, Y
 from curvescan.matchers.curvescan.prior import Prior, log_odds
 from curvescan.matchers.curvescan.proposal.scoring import CLOSE, FINE, select
 from curvescan.matchers.curvescan.proposal.search import CONTESTED, Candidates, Problem
@@ -42,9 +42,9 @@ def refine_candidates(problem: Problem, found: Candidates) -> tuple[WeighedPoses
     contested = found.scores > CONTESTED * found.scores[:1]
     weighed, assessment = look_closer(problem, found.poses[contested])
     if assessment is not None:
-        is_weak = assessment.is_weakly_observable(problem.config.information)
+        is_weak = assessment.is_weakly_observable(problem.config)
         if is_weak or weighed.is_one_way:
-            along = assessment.weakest if is_weak else direction_of_walls(ref, assessment)
+            along = assessment.weakest if is_weak else along_walls(ref, assessment)
             weighed, assessment = look_closer(problem, with_places_along(problem, weighed.poses, along))
     images = [] if assessment is None else images_of(ref, assessment, weighed)
     if images:
@@ -67,14 +67,6 @@ def images_of(ref: CurvescanFeatures, assessment: Assessment, weighed: WeighedPo
         images += [np.array([x - dy, y + dx, theta + quarter]), np.array([x + dy, y - dx, theta - quarter])]
         images += [np.array([x - dx, y - dy, theta + math.pi])]
     return images
-
-
-def direction_of_walls(ref: CurvescanFeatures, assessment: Assessment) -> Pose:
-    """Return (3,) the motion of 1 m along the surfaces of the reference that agree."""
-    agreeing = ref.image.surfels[assessment.codes_ref == INLIER]
-    length, nx, ny = agreeing[:, LENGTH], agreeing[:, NX], agreeing[:, NY]
-    facing = 0.5 * math.atan2(length @ (2.0 * nx * ny), length @ (nx * nx - ny * ny))
-    return np.array([-math.sin(facing), math.cos(facing), 0.0])
 
 
 def with_places_along(problem: Problem, poses: Floats, weakest: Pose) -> Floats:

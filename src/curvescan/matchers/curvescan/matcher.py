@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from curvescan.matchers.curvescan.assessment.assessment import AssessedPose, assess_best
 from curvescan.matchers.curvescan.assessment.labels import beam_labels
 from curvescan.matchers.curvescan.candidates import refine_candidates
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.disambiguation import AssessedPose, assess, competing_poses, disambiguate, place
+from curvescan.matchers.curvescan.disambiguation import competing_poses, disambiguate, place
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
 from curvescan.matchers.curvescan.prior import WIDE, Prior
 from curvescan.matchers.curvescan.proposal.search import NOTHING, Candidates, Problem, effort_of, refine_guess, searched
@@ -71,7 +72,7 @@ class CurvescanMatcher:
 
 def judged(problem: Problem, candidates: Candidates) -> MatchResult:
     """Return what comes of the candidates: the pose with its covariance and labels, or the outcome without one."""
-    assessed = assess(problem, *refine_candidates(problem, candidates))
+    assessed = assess_best(problem, *refine_candidates(problem, candidates))
     outcome, confidence = disambiguate(problem, assessed)
     ref, cur, support = problem.reference, problem.current, assessed.support
     assessment = assessed.assessment if outcome is Outcome.MATCHED else None
@@ -79,6 +80,7 @@ def judged(problem: Problem, candidates: Candidates) -> MatchResult:
     if assessment:
         pose, assessment, (information, cov) = place(problem, assessed, assessment)
     codes = (assessment.codes_ref, assessment.codes_cur) if assessment else (_NO_CODES, _NO_CODES)
+    labels = [beam_labels(one.n_beams, one.beam_idx, said) for one, said in zip((ref, cur), codes, strict=True)]
     scores: list[float] = assessed.weighed.scores.tolist() or [math.nan]
     return MatchResult(
         method="curvescan",
@@ -87,8 +89,8 @@ def judged(problem: Problem, candidates: Candidates) -> MatchResult:
         covariance=cov,
         n_matched=assessment.n_inliers if assessment else 0,
         trace=CurvescanTrace(reference=ref, current=cur, candidates=candidates, assessed=assessed),
-        labels_reference=beam_labels(ref.n_beams, ref.beam_idx, codes[0]),
-        labels_current=beam_labels(cur.n_beams, cur.beam_idx, codes[1]),
+        labels_reference=labels[0],
+        labels_current=labels[1],
         degenerate_direction=assessment.weakest if assessment and any(assessed.is_degenerate) else None,
         score=scores[0],
         runner_up=max(scores[1:], default=math.nan),

@@ -60,7 +60,7 @@ def test_a_pose_is_assessed_from_both_scans():
 def test_as_many_readings_must_agree_as_the_config_says_or_a_third(n_inliers, n_readings, is_enough):
     found = assessed(n_inliers=n_inliers, n_readings=n_readings)
     assert CONFIG.scoring.min_inliers == 15
-    assert found.is_enough(CONFIG.scoring) == is_enough
+    assert found.is_enough(CONFIG) == is_enough
 
 
 def test_the_weakest_direction_is_given_in_metres_and_radians():
@@ -74,7 +74,7 @@ def test_the_weakest_direction_is_given_in_metres_and_radians():
 )
 def test_a_direction_is_weak_beside_the_next(information, is_weak):
     assert RULES.degenerate_ratio == 0.1
-    assert assessed(information=information).is_weakly_observable(RULES) == is_weak
+    assert assessed(information=information).is_weakly_observable(CONFIG) == is_weak
 
 
 @pytest.mark.parametrize(

@@ -1,21 +1,32 @@
-"""Assessment: what two scans say of a pose, and which directions they leave open."""
+"""Assessment: what two scans say of a pose, which directions they leave open, and what supports it."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from curvescan._jit import kernel
+from curvescan.matchers.curvescan.assessment.confidence import Support, WeighedPoses, support_of
 from curvescan.matchers.curvescan.assessment.evidence import Compared, gather_evidence
 from curvescan.matchers.curvescan.assessment.information import Open, Row, matrices, pose_information
-from curvescan.matchers.curvescan.assessment.labels import MOVED, mark_moved
+from curvescan.matchers.curvescan.assessment.labels import INLIER, MOVED, mark_moved
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
-from curvescan.matchers.curvescan.config import AS_GOOD, LASER_ERROR, CurvescanConfig, InformationConfig, ScoringConfig
+from curvescan.matchers.curvescan.config import AS_GOOD, LASER_ERROR, NEAR, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
+from curvescan.matchers.curvescan.pose_difference import distance, is_along
+from curvescan.matchers.curvescan.prior import log_odds
 from curvescan.matchers.curvescan.proposal.scoring import FINE, select
+from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine
+from curvescan.matchers.result import NO_COVARIANCE, NO_INFORMATION
 from curvescan.types import Codes, Cov, Floats, Pose
+
+# (3, 3): the information on a pose, zero along what is open, and its covariance, wide there.
+Known: TypeAlias = tuple[Cov, Cov]
 
 # How far along a weak direction the scans are compared, in what it is known to where it just counts as known.
 DOUBLED: Floats = np.array([1.0, 2.0, 4])
@@ -43,21 +54,36 @@ class Assessment(NamedTuple):
         weakest: Pose = self.axes[:, 0] * self.units
         return weakest
 
-    def is_weakly_observable(self, config: InformationConfig) -> bool:
+    def is_weakly_observable(self, config: CurvescanConfig) -> bool:
         """Return whether one direction has much less information than the next."""
-        return self.information[0] < config.degenerate_ratio * self.information[1]
+        return self.information[0] < config.information.degenerate_ratio * self.information[1]
 
-    def as_good(self, config: InformationConfig) -> float:
+    def as_good(self, config: CurvescanConfig) -> float:
         """Return the share of the score from which on a place along the weakest direction is as good."""
-        return AS_GOOD if self.information[0] > LASER_ERROR**-2 else 1.0 - config.degenerate_ratio
+        return AS_GOOD if self.information[0] > LASER_ERROR**-2 else 1.0 - config.information.degenerate_ratio
 
-    def is_enough(self, config: ScoringConfig) -> bool:
+    def is_enough(self, config: CurvescanConfig) -> bool:
         """Return whether so many readings agree that chance does not explain it."""
-        return self.n_inliers >= min(config.min_inliers, len(self.codes_cur) / 3)
+        return self.n_inliers >= min(config.scoring.min_inliers, len(self.codes_cur) / 3)
 
-    def matrices(self, is_open: Open, config: InformationConfig) -> tuple[Cov, Cov]:
+    def matrices(self, is_open: Open, config: CurvescanConfig) -> Known:
         """Return the (3, 3) information on the pose, zero along what is open, and its covariance, wide there."""
-        return matrices(self.information, self.axes, self.units, is_open, config.degenerate_sigma)
+        return matrices(self.information, self.axes, self.units, is_open, config.information.degenerate_sigma)
+
+
+class AssessedPose(NamedTuple):
+    """The best candidate without what moved, and what the scans say of it."""
+
+    weighed: WeighedPoses  # it, and the other candidates
+    is_degenerate: Open  # which principal directions of the information the scans leave open, the least informed first
+    # rows of the candidates that may be right as well and differ by a motion along the least informed direction
+    ties: list[int]
+    assessment: Assessment | None = None  # of the first; None where too few readings agree
+    # whether the scans agree as well anywhere along the least informed direction; else only at the ties, if there are
+    # any
+    is_flat: bool = False
+    support: Support | None = None  # what speaks for the first and against it; None where too few readings agree
+    known: Known = (NO_INFORMATION, NO_COVARIANCE)  # what the scans say of the first alone
 
 
 def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, config: CurvescanConfig) -> Assessment:
@@ -105,11 +131,11 @@ def degenerate_directions(
     A direction is degenerate when its information does not exceed the spurious information of tilted lines, or is next
     to nothing; and the least informed, if it is weak, also when the scans agree as well some way along it.
     """
-    rules, images, (is_open, second, third) = config.information, (ref.image, cur.image), assessment.is_open
-    if assessment.is_weakly_observable(rules) and not is_open:
-        moved = pose + rules.max_sigma * np.outer(np.append(DOUBLED, -DOUBLED), assessment.weakest)
+    images, (is_open, second, third) = (ref.image, cur.image), assessment.is_open
+    if assessment.is_weakly_observable(config) and not is_open:
+        moved = pose + config.information.max_sigma * np.outer(np.append(DOUBLED, -DOUBLED), assessment.weakest)
         here, beside = (float(select(one, *images, *FINE, 1, 4096, 0.0)[1][0]) for one in (pose[np.newaxis], moved))
-        is_open = beside > assessment.as_good(rules) * here
+        is_open = beside > assessment.as_good(config) * here
     return is_open, second, third
 
 
@@ -121,3 +147,72 @@ def without_dynamic(
     static_cur = cur.image._replace(samples=cur.image.surfels[assessment.codes_cur < MOVED])
     pose = refine(poses[:1], static_ref, static_cur, EXACTLY)
     return np.concatenate((pose, poses[1:])), assess_pose(ref, cur, pose[0], config)
+
+
+def assess_best(problem: Problem, weighed: WeighedPoses, assessment: Assessment | None) -> AssessedPose:
+    """Return the best candidate refined without what moved, the directions left open there, and what supports it."""
+    ref, cur, _, config, _ = problem
+    if assessment is not None and assessment.n_dynamic:
+        poses, assessment = without_dynamic(ref, cur, weighed.poses, assessment, config)
+        weighed = replace(weighed, poses=poses)
+    if assessment is None or not assessment.is_enough(config):
+        return AssessedPose(weighed=weighed, is_degenerate=(True, True, True), ties=[])
+    poses = weighed.poses
+    is_open, second, third = degenerate_directions(ref, cur, poses[0], assessment, config)
+    if is_open:
+        # where the scans leave a direction open, the prior decides along it: it is not held against the pose
+        slid = problem.prior.nearest_along(poses[0], assessment.weakest, config.hypotheses.along_reach)
+        priors, wide_priors = log_odds(np.vstack((slid, poses[1:])), problem.prior)
+        weighed = replace(weighed, priors=priors, wide_priors=wide_priors)
+    walls = along_walls(ref, assessment) if weighed.is_one_way else None
+    along = along_weakest_direction(poses, assessment, is_open, walls, config)
+    least = assessment.as_good(config) * weighed.scores[0]
+    is_flat = is_open or (assessment.is_weakly_observable(config) and any(weighed.scores[k] > least for k in along))
+    others = [k for k in range(1, len(poses)) if distance(poses[k], poses[0]) > NEAR and not (is_flat and k in along)]
+    support = support_of(weighed, others)
+    ties = [k for k in along if weighed.scores[k] > least] if is_flat else ties_of(support, along, config)
+    if walls is not None:
+        ties = [k for k in along if k in ties or weighed.is_as_likely(k)]
+    is_degenerate = is_flat or len(ties) > 0, second, third
+    return AssessedPose(
+        weighed=weighed,
+        assessment=assessment,
+        is_degenerate=is_degenerate,
+        is_flat=is_flat,
+        ties=ties,
+        support=support,
+        known=assessment.matrices(is_degenerate, config),
+    )
+
+
+def along_weakest_direction(
+    poses: Floats, assessment: Assessment, is_open: bool, walls: Pose | None, config: CurvescanConfig
+) -> list[int]:
+    """Return the rows of the poses that differ from the first by a motion along its weakest direction, if weak or open.
+
+    Or along the `walls`, where nearly all that agrees runs their way.
+    """
+    rules = config.information
+    is_weak = assessment.information[0] < 2.0 * rules.degenerate_ratio * assessment.information[1]
+    directions = [] if walls is None else [walls]
+    if is_weak or is_open:
+        directions.append(assessment.weakest)
+    return [k for k in range(1, len(poses)) if any(is_along(one, poses[0], poses[k], 0.5 * NEAR) for one in directions)]
+
+
+def ties_of(support: Support, along: list[int], config: CurvescanConfig) -> list[int]:
+    """Return rows along the weakest direction that may be right instead of the first: all, unless it is sure alone."""
+    if not along:
+        return []
+    ties = [k for k in support.repeated if k in along]
+    if support.probabilities(ties)[0] < config.scoring.min_confidence:
+        ties = [k for k in along if k in support.rivals]
+    return ties
+
+
+def along_walls(ref: CurvescanFeatures, assessment: Assessment) -> Pose:
+    """Return (3,) the motion of 1 m along the surfaces of the reference that agree."""
+    agreeing = ref.image.surfels[assessment.codes_ref == INLIER]
+    length, nx, ny = agreeing[:, LENGTH], agreeing[:, NX], agreeing[:, NY]
+    facing = 0.5 * math.atan2(length @ (2.0 * nx * ny), length @ (nx * nx - ny * ny))
+    return np.array([-math.sin(facing), math.cos(facing), 0.0])

@@ -63,6 +63,7 @@ _WEIGHTS, _N_TERMS = tuple(COEFFICIENTS.values()), len(COEFFICIENTS)
 _CONSTANT, *_, _SEEN_THROUGH, _PRIOR, _FEW_PRIOR = range(_N_TERMS)
 _LITTLE = 0.5  # metres: so much more explains nothing
 _BARE_PRIOR = -0.25  # log odds of the prior below which a bare room may be turned by half: 1 m and 57 degrees
+_STILL = -0.015  # log odds of the prior from which on it speaks for the pose there: 0.35 m, 20 degrees
 _DOUBTFUL = 0.1  # of what agrees: a pose of which more is contradicted is in doubt
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
 _HOPELESS = -2.0  # log odds: of 13,571 pairs none that is turned away so would match
@@ -135,6 +136,12 @@ class WeighedPoses:
     def is_bare(self) -> bool:
         """Whether hardly more than four walls agree at the first pose."""
         return bool(self._rows[0][BEYOND] < ANY)
+
+    @property
+    def is_bare_and_moved(self) -> bool:
+        """Whether no people hide what more agrees, and neither a prior nor standing still speaks for the first pose."""
+        is_told = self.is_told(0) or self.wide_priors[0] > _STILL
+        return self.is_bare and not is_told and self._rows[0][SMALL] <= ANY
 
     def repeated_along(self) -> list[int]:
         """Return the rows of poses beside the first, turned as it is, that explain some of its support."""
