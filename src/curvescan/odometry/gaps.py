@@ -69,8 +69,7 @@ def settle_gap(o: Observation, placement: Placement, *, is_counted: bool = True)
 def question_link(o: Observation, placement: Placement, last: Localization, log_odds: float) -> Placement | None:
     """Return the placement of a scan that what was in use hardly shows, in a gap; None where the match is sure.
 
-    Its motion is taken, but only a later match with what was in use before it shows that the sensor has not been
-    carried away.
+    Its motion is taken, but only a later match with what was in use before it shows that it was not carried away.
     """
     result = placement.match
     if result is None or placement.gap is not None or log_odds >= _SURE or not result.score < _SHARE * o.state.score:

@@ -89,8 +89,7 @@ class Step:
     fragment : int
         SLAM: part of the map that the scan is in; more than one where a sensor that was lost has not been found again.
     covariance_global : (3, 3) float64 or None
-        Localization: covariance of the pose seen from the first keyframe of the map, with the errors of the map
-        between.
+        Localization: covariance of the pose seen from the first keyframe of the map, with the map's errors between.
     """
 
     index: int

@@ -1,7 +1,6 @@
 """Candidates: the few best poses refined on all readings, with those along a direction that the scans leave open.
 
-Poses are the rows of an array, best first; scores the numbers beside them. A competing hypothesis is a pose with nearly
-the best score.
+Poses are the rows of an array, best first; scores the numbers beside them. Others nearly as good compete.
 """
 
 from __future__ import annotations
@@ -103,8 +102,7 @@ def refine_and_weigh(
     """Return the fields of WeighedPoses, of poses refined on all readings, and the assessment of the first.
 
     That has no codes where no pose finds enough support. schedules: on the samples and on all readings; rules: of
-    `limits_of`; limits: the arguments of `select`, and the samples on which several poses are compared. One has only to
-    be enough.
+    `limits_of`; limits: the arguments of `select`, and the samples on which several poses are compared.
     """
     one, other = ref.image, cur.image
     all_one, all_other = with_samples(one, one.surfels), with_samples(other, other.surfels)

@@ -64,42 +64,36 @@ def add_square(system: Floats, first: int, weight: float, jx: float, jy: float, 
 
 @kernel
 def accumulate(
-    surfels_a: Floats,
-    view_b: RangeImage,
-    motion: Motion,
-    sigma_extra: float,
-    slack_slope: float,
-    placed: Floats,
-    system: Floats,
+    surfels: Floats, view: RangeImage, motion: Motion, sigma_extra: float, slope: float, placed: Floats, system: Floats
 ) -> None:
-    """Add to (9,) `system` the normal equations of the readings of scan a against the lines of scan b.
+    """Add to (9,) `system` the normal equations of the readings of one scan against the lines of another.
 
-    The motion is FORWARD where scan a is the current one. A residual has this standard deviation besides the noise:
+    The motion is FORWARD where the first is the current one. A residual has this standard deviation besides the noise:
     metres, and metres more for each metre of range. Theta turns about the current sensor. placed (3, m): room to work.
     """
-    surfels_b, way = view_b.surfels, motion.way
-    project_into(placed, surfels_a, motion, view_b)
-    for i in range(surfels_a.shape[0]):
-        va = surfels_a[i, VARIANCE]
+    others, way = view.surfels, motion.way
+    project_into(placed, surfels, motion, view)
+    for i in range(surfels.shape[0]):
+        va = surfels[i, VARIANCE]
         if va < 0.0:
             continue
-        j, _, _, _, e, along = associate(placed, i, view_b)
+        j, _, _, _, e, along = associate(placed, i, view)
         if j < 0:
             continue
-        vb = surfels_b[j, VARIANCE]
+        vb = others[j, VARIANCE]
         if vb < 0.0:
             continue
-        extra = sigma_extra + slack_slope * surfels_b[j, RANGE]
+        extra = sigma_extra + slope * others[j, RANGE]
         variance = va + vb + extra * extra
         if e * e > _OUTLIER_CHI2 * variance:
             continue
         reach = REACH + SURE_SIGMAS * extra
-        spread = REACH * surfels_b[j, RANGE]
+        spread = REACH * others[j, RANGE]
         if along * along > reach * reach + spread * spread:
             continue
         # facing: both lines must look the same way
-        nx, ny = surfels_b[j, NX], surfels_b[j, NY]
-        mx, my = surfels_a[i, NX], surfels_a[i, NY]
+        nx, ny = others[j, NX], others[j, NY]
+        mx, my = surfels[i, NX], surfels[i, NY]
         mx, my = turned_back(mx, my, motion) if way < 0.0 else turned(mx, my, motion)
         if mx * nx + my * ny < _FACING:
             continue
@@ -109,7 +103,7 @@ def accumulate(
             weight *= left * left / (whole * whole)
         if way < 0.0:
             nx, ny = turned(-nx, -ny, motion)
-        dx, dy = lever(surfels_a, i, motion)
+        dx, dy = lever(surfels, i, motion)
         jt = nx * -dy + ny * dx
         add_square(system, XX, weight, nx, ny, jt)
         system[GRADIENT_X] += weight * nx * e

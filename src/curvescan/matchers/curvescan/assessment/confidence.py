@@ -39,8 +39,7 @@ ANY = 0.2
 
 # Least share of what supports a pose that another explains at which the two cannot be distinguished.
 MAX_REPETITION = 0.45
-# Of poses in a row of equal things: least share of the first one's support that another explains, and least distance of
-# the things, metres.
+# Of poses in a row of equal things: least share of the first's support that another explains; least pitch, metres.
 REGULAR, PITCH = 0.33, 0.5
 
 COEFFICIENTS = {
@@ -184,8 +183,7 @@ class WeighedPoses:
     def explains_more(self, k: int) -> bool:
         """Return whether walls contradict the first pose, and more agrees at pose k, and better.
 
-        What contradicts pose k is then no argument: something must have changed between the scans, as behind the door
-        of an elevator.
+        What contradicts pose k is then no argument: something must have changed, as behind the door of an elevator.
         """
         own, best = self._rows[k], self._rows[0]
         return bool(

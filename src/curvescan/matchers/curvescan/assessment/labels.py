@@ -47,14 +47,7 @@ def beam_labels(n_beams: int, beam_idx: Ints, codes: Codes) -> Codes:
 
 @kernel
 def mark_moved(
-    surfels: Floats,
-    bounds: Ints,
-    codes: Codes,
-    partner: Ints,
-    surfels_other: Floats,
-    pose: Floats,
-    way: float,
-    least: float,
+    surfels: Floats, bounds: Ints, codes: Codes, partner: Ints, other: Floats, pose: Floats, way: float, least: float
 ) -> int:
     """Mark readings of surfaces that moved as a whole, and take their partners, in place; return how many did.
 
@@ -69,11 +62,11 @@ def mark_moved(
         total, variance, n = 0.0, 0.0, 0
         for i in range(bounds[k], bounds[k + 1]):
             j = partner[i]
-            if j < 0 or surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
+            if j < 0 or surfels[i, VARIANCE] < 0.0 or other[j, VARIANCE] < 0.0:
                 continue
             x, y = projected(surfels, i, motion)
-            total += distances(x, y, surfels_other, j)[0]
-            variance += surfels[i, VARIANCE] + surfels_other[j, VARIANCE]
+            total += distances(x, y, other, j)[0]
+            variance += surfels[i, VARIANCE] + other[j, VARIANCE]
             n += 1
         if n < _MIN_PARTNERS or total * total <= max(_MOVED2 * variance, (least * n) ** 2):
             continue

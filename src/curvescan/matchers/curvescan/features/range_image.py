@@ -30,13 +30,11 @@ def with_samples(image: RangeImage, samples: Floats) -> RangeImage:
     return RangeImage(samples, image.surfels, image.table, image.azimuth_min, image.slots_a_radian, image.slots_a_beam)
 
 
-# Slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step. An even one
-# has a slot for each beam.
+# Slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step.
 _SLOTS_A_STEP = 4
 _MAX_SLOTS = 1 << 16
 
-# Median steps from the nearest beam from which on a direction is a hole: half a step and as much jitter as there may
-# be.
+# Median steps from the nearest beam from which on a direction is a hole: half a step and as much jitter.
 _GAP_STEPS = 1.5
 _ROUNDING = 1e-9  # radians, and slots: of a beam that stands a full turn after the first
 _TINY = 1e-300  # so that the origin is not divided by zero
@@ -154,8 +152,7 @@ def reading_beside(place: float, image: RangeImage, nearest: int) -> int:
 def choose_samples(surfels: Floats, n_samples: int) -> Floats:
     """Return n_samples surfels, or none if there are no lines, spread evenly over the lengths of the surfaces.
 
-    A reading that stands for much may be chosen more than once. The first few of the samples are spread as evenly as
-    all of them.
+    A reading that stands for much may be chosen more than once. The first few are spread as evenly as all.
     """
     m = surfels.shape[0]
     total = 0.0

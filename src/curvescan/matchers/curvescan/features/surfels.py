@@ -1,8 +1,7 @@
 """Surfels: the readings of a sweep, each with the line through it.
 
 The line through a reading is fitted to the readings around it; near a corner the fit that has its centre to one side is
-taken when it is the better one, so that lines do not bend around corners (the idea of Kuwahara's edge-preserving
-filter).
+taken when it is the better one, so that lines do not bend around corners (as of Kuwahara's edge-preserving filter).
 """
 
 from __future__ import annotations
@@ -28,16 +27,14 @@ FIT_X, FIT_Y, FIT_UX, FIT_UY, FIT_VARIANCE, FIT_ALONG, FIT_LOW, FIT_HIGH = range
 # The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
 # two readings, none of it lose what the surface does within an arm.
 OWN_SHARE = 0.4
-# Two fifths of the variances of n residuals about a line lie below the true one over this: the chi-square quantile by
-# Wilson and Hilferty.
+# Two fifths of the variances of n residuals about a line lie below the true one over this (Wilson and Hilferty).
 _SPREAD = 2.0 / (9 * np.maximum(np.arange(65) - 2, 3))
 _RAISED = 1.0 / (1.0 - _SPREAD - 0.2533 * np.sqrt(_SPREAD)) ** 3
 
 
 # Least square of the cosine of incidence by which a line's noise is taken for the range's: grazed walls say little.
 _MIN_FACING2 = 0.05
-# Multiple of the variance that noise explains from which on a line goes around a corner, and a better one is looked
-# for.
+# Multiple of the variance that noise explains from which on a line goes around a corner: a better one is sought.
 _BENT = 1.5
 # A line is better when its variance is less by this factor: of two that are as good the reading's own is kept.
 _BETTER = 1.3
@@ -118,8 +115,7 @@ def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, fl
 def fit_lines(readings: Floats, bounds: Ints, arm: float, sigma_min: float) -> tuple[Floats, float]:
     """Return (m, 8) the line around each reading, and the range noise of the sweep.
 
-    The noise is a low quantile (two fifths, as clutter raises many) of the residual variances of all fits, taken
-    along the beams.
+    The noise is a low quantile (two fifths, as clutter raises many) of the fits' residual variances along the beams.
     """
     m = readings.shape[0]
     sums = moments(readings)

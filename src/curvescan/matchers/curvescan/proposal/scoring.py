@@ -42,14 +42,7 @@ _MAX_ALIKE = 4  # poses near one that is kept that are tried in its place: more 
 
 @kernel
 def score_samples(
-    samples: Floats,
-    placed: Floats,
-    low: int,
-    high: int,
-    image: RangeImage,
-    motion: Motion,
-    tolerance: float,
-    slope: float,
+    samples: Floats, placed: Floats, low: int, high: int, image: RangeImage, motion: Motion, slack: float, slope: float
 ) -> float:
     """Return the agreements less half the contradictions of samples low to high of one scan in another.
 
@@ -61,7 +54,7 @@ def score_samples(
         j, place, qx, qy, across, _ = associate(placed, k, image)
         if j < 0:
             continue
-        limit = tolerance + slope * surfels[j, RANGE]
+        limit = slack + slope * surfels[j, RANGE]
         noise2 = max(samples[k, VARIANCE], 0.0) + max(surfels[j, VARIANCE], 0.0)
         limit2 = max(limit * limit, LIKELY_SIGMAS * LIKELY_SIGMAS * noise2)
         ux, uy = qx - surfels[j, X], qy - surfels[j, Y]

@@ -21,8 +21,7 @@ from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats, Pose
 
 _LEAST_SCORE = 0.1  # of a candidate: what scores less is there by chance, also its turn
-# Then turns so many radians and twice as many to either side of the likeliest are tried. The directions of clutter tell
-# the turn no better.
+# Then turns so many radians and twice as many to either side of the likeliest are tried: clutter tells no better.
 _TURN_STEP = 0.1
 _N_REFINED, _N_KEPT = 6, 4  # poses that are refined, and of these how many are candidates
 CONTESTED = 0.3  # a pose with this share of the best one's score competes with it, and is judged beside it
@@ -58,8 +57,7 @@ class Effort(NamedTuple):
 class Candidates(NamedTuple):
     """The best poses found."""
 
-    # (k, 3): poses that differ from one another, refined on the samples, best first; of the current scan in the
-    # reference
+    # (k, 3): poses of the current scan in the reference, that differ, refined on the samples, best first
     poses: Floats
     scores: Floats  # (k,): how well the scans agree there, at most 1
     n_tried: int  # poses that were verified
