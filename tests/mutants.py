@@ -102,6 +102,19 @@ NAMED = (
         "if abs(fx) > 2.0 * abs(fy):",
         "if abs(fx) > abs(fy):",
     ),
+    _named(
+        "a jamb is a thing that somebody may have moved",
+        f"{_MATCHER}/features/objects.py",
+        "n_found, begin = k if inwards > 0.0 else 0, i",
+        "n_found, begin = k, i",
+    ),
+    _named(
+        "what stands against a wall stays for good",
+        f"{_MATCHER}/assessment/assessment.py",
+        "_LASTS = 60.0",
+        "_LASTS = 1e12",
+        f"{_MATCHER}/features/test_objects.py",
+    ),
     _named("share of a slide 0.2 instead of 0.7", f"{_MATCHER}/disambiguation.py", "_SHARE = 0.7", "_SHARE = 0.2"),
     _named(
         "motion gate three times as wide",

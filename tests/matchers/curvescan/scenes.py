@@ -72,7 +72,7 @@ def compare_readings(surfels, other, pose, margin):
     one = other._replace(
         beam_idx=np.arange(n),
         bounds=np.array([0, n]),
-        objects=Objects(np.full(n, -1), np.zeros(0, dtype=bool), np.zeros(n, dtype=bool)),
+        objects=Objects(*(np.full(n, -1),) * 2, np.zeros(0, dtype=bool), np.zeros(n, dtype=bool)),
         image=other.image._replace(samples=surfels, surfels=surfels),
     )
     codes, partner = np.empty(n, dtype=np.uint8), np.empty(n, dtype=np.int64)

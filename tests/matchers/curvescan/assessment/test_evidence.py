@@ -48,12 +48,12 @@ def evidence(ref, cur, *poses):
 def test_what_may_move_is_small_and_stands_before_something():
     person, behind = wall(2, -0.2, 2, 0.2, n=8), wall(4, 0.45, 4, 2)
     surfels = np.vstack([person, behind])
-    assert find_objects(surfels, np.array([0, 8, 48]))[2].tolist() == [True] * 8 + [False] * 40
+    assert find_objects(surfels, np.array([0, 8, 48])).is_small.tolist() == [True] * 8 + [False] * 40
     # as far away as what is beside it: a piece of the wall
     beside = np.vstack([wall(4, -0.2, 4, 0.2, n=8), behind])
-    assert not find_objects(beside, np.array([0, 8, 48]))[2][8:].any()
+    assert not find_objects(beside, np.array([0, 8, 48])).is_small[8:].any()
     long = np.vstack([wall(2, -0.5, 2, 0.5, n=8), behind])
-    assert not find_objects(long, np.array([0, 8, 48]))[2].any()
+    assert not find_objects(long, np.array([0, 8, 48])).is_small.any()
 
 
 def test_the_true_pose_has_all_for_it_and_others_are_contradicted():

@@ -37,8 +37,8 @@ def information_at(ref, cur, pose):
 
 def no_objects(surfels):
     """All contour taken for walls."""
-    none = np.zeros(0, dtype=bool)
-    return Objects(np.full(len(surfels), -1), none, np.zeros(len(surfels), dtype=bool))
+    none = np.full(len(surfels), -1)
+    return Objects(none, none, np.zeros(0, dtype=bool), np.zeros(len(surfels), dtype=bool))
 
 
 def information_of(ref, partner_ref, cur, partner_cur, pose):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,12 +17,12 @@ from tests.matchers.curvescan.scenes import MOTION, features, pair
 CONFIG = CurvescanConfig()
 
 
-def corridor_with(*people, recesses=()):
+def corridor_with(*people, stamp=0.0, **things):
     """A scan of a corridor with round things of 0.2 m radius in it."""
-    world = corridor(40.0, 2.4, recesses=recesses)
+    world = corridor(40.0, 2.4, **things)
     world += type(world)(circles=np.array([[x, y, 0.2] for x, y in people]).reshape(-1, 3))
     log = cs.simulate(world, poses=np.zeros((1, 3)), n_scans=1, seed=len(people))
-    return features(log[0])
+    return features(replace(log[0], stamp=stamp))
 
 
 def test_a_person_in_a_corridor_stands_free_and_a_wall_is_no_object():
@@ -58,14 +60,43 @@ def test_what_one_object_or_a_few_people_alone_fix_is_open(people):
     assert abs(assessment.weakest[0]) > 0.99
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_cabinet_at_a_wall_is_a_thing_and_the_jambs_beside_it_are_none(side):
+    recesses = [(1.0, 0.8, 0.25 * side), (4.0, 0.8, -0.25 * side)]
+    scan = corridor_with(recesses=recesses, pillars=[(3.0, 0.95 * side, 0.5)])
+    surfels, objects = scan.image.surfels, scan.objects
+    x, y = surfels[:, 0], side * surfels[:, 1]
+    front = (np.abs(x - 2.75) < 0.05) & (y > 0.75) & (y < 1.1)
+    assert front.sum() > 3
+    assert (objects.label[front] == -1).all()
+    assert len(set(objects.movable[front])) == 1
+    assert objects.movable[front][0] >= 0
+    assert not objects.is_free[objects.movable[front][0]]
+    for jamb in ((np.abs(x - 1.4) < 0.05) & (y > 1.25) & (y < 1.4), (np.abs(x - 4.4) < 0.05) & (y < -1.25)):
+        assert jamb.any()
+        assert (objects.movable[jamb] == -1).all()
+
+
+@pytest.mark.parametrize(
+    ("things", "is_open"), [(((2.5, 0.95, 0.5),), True), (((2.5, 0.95, 0.5), (4.0, -0.9, 0.6)), False)]
+)
+def test_what_one_thing_at_a_wall_fixes_is_open_where_it_may_have_been_moved(things, is_open):
+    ref, soon, later = (corridor_with(pillars=things, stamp=stamp) for stamp in (0.0, 30.0, 3_600.0))
+    assert not any(assess_pose(ref, soon, np.zeros(3), CONFIG).is_open)
+    assert not any(assess_pose(later, later, np.zeros(3), CONFIG).is_open)
+    for one, other in ((ref, later), (later, ref)):
+        assert assess_pose(one, other, np.zeros(3), CONFIG).is_open == (is_open, False, False)
+
+
+@pytest.mark.parametrize("stamp", [0.0, 3_600.0])
 @pytest.mark.parametrize("doors", [(2.5,), (-4.0, 2.5, 5.0)])
-def test_doors_and_rooms_are_measured(doors):
+def test_doors_and_rooms_are_measured(doors, stamp):
     recesses = [(x, 1.0, 0.25) for x in doors]
-    ref, cur = corridor_with(recesses=recesses), corridor_with(recesses=recesses)
+    ref, cur = corridor_with(recesses=recesses), corridor_with(recesses=recesses, stamp=stamp)
     assert not any(assess_pose(ref, cur, np.zeros(3), CONFIG).is_open)
     assert not any(assess_pose(*pair(), MOTION, CONFIG).is_open)
 
 
 def test_a_scan_without_readings_has_no_objects():
-    label, is_free, is_small = find_objects(np.empty((0, 10)), np.zeros(1, dtype=np.int64))
-    assert label.size == is_free.size == is_small.size == 0
+    objects = find_objects(np.empty((0, 10)), np.zeros(1, dtype=np.int64))
+    assert all(len(part) == 0 for part in objects)

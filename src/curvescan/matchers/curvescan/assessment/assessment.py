@@ -16,6 +16,7 @@ from curvescan.matchers.curvescan.assessment.labels import INLIER, MOVED, mark_m
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.config import AS_GOOD, LASER_ERROR, NEAR, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.objects import all_movable
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
 from curvescan.matchers.curvescan.pose_difference import distance, is_along
 from curvescan.matchers.curvescan.prior import log_odds
@@ -28,6 +29,7 @@ from curvescan.types import Codes, Cov, Floats, Pose
 # (3, 3): the information on a pose, zero along what is open, and its covariance, wide there.
 Known: TypeAlias = tuple[Cov, Cov]
 
+_LASTS = 60.0  # seconds that things which stand against a wall are taken to stay there
 # How far along a weak direction the scans are compared, in what it is known to where it just counts as known.
 DOUBLED: Floats = np.array([1.0, 2.0, 4])
 
@@ -79,8 +81,7 @@ class AssessedPose(NamedTuple):
     # rows of the candidates that may be right as well and differ by a motion along the least informed direction
     ties: list[int]
     assessment: Assessment | None = None  # of the first; None where too few readings agree
-    # whether the scans agree as well anywhere along the least informed direction; else only at the ties, if there are
-    # any
+    # whether the scans agree as well anywhere along the least informed direction; else only at the ties, if any
     is_flat: bool = False
     support: Support | None = None  # what speaks for the first and against it; None where too few readings agree
     known: Known = (NO_INFORMATION, NO_COVARIANCE)  # what the scans say of the first alone
@@ -100,23 +101,22 @@ def limits_of(config: CurvescanConfig) -> tuple[float, float]:
 
 @kernel
 def assess(
-    scan_ref: CurvescanFeatures,
-    scan_cur: CurvescanFeatures,
-    pose: Floats,
-    compared: Compared,
-    limits: tuple[float, float],
+    of_ref: CurvescanFeatures, of_cur: CurvescanFeatures, pose: Floats, compared: Compared, limits: tuple[float, float]
 ) -> Assessment:
     """Return what readings say that were compared at a pose; their arrays change."""
     margin, least = limits
-    ref, cur = scan_ref.image.surfels, scan_cur.image.surfels
+    ref, cur = of_ref.image.surfels, of_cur.image.surfels
     codes_ref, partner_ref, codes_cur, partner_cur = compared
-    n_dynamic = mark_moved(cur, scan_cur.bounds, codes_cur, partner_cur, ref, pose, FORWARD, margin)
-    n_dynamic += mark_moved(ref, scan_ref.bounds, codes_ref, partner_ref, cur, pose, BACKWARD, margin)
+    n_dynamic = mark_moved(cur, of_cur.bounds, codes_cur, partner_cur, ref, pose, FORWARD, margin)
+    n_dynamic += mark_moved(ref, of_ref.bounds, codes_ref, partner_ref, cur, pose, BACKWARD, margin)
     n_inliers = 0
     for j in partner_cur:
         n_inliers += j >= 0
+    things_ref, things_cur = of_ref.objects, of_cur.objects
+    if abs(of_cur.stamp - of_ref.stamp) > _LASTS:
+        things_ref, things_cur = all_movable(things_ref), all_movable(things_cur)
     information, spurious, axes, units = pose_information(
-        ref, scan_ref.objects, partner_ref, cur, scan_cur.objects, partner_cur, pose, least
+        ref, things_ref, partner_ref, cur, things_cur, partner_cur, pose, least
     )
     a, b, c = information
     is_open = a < max(2.0 * spurious[0], least), b < max(2.0 * spurious[1], least), c < max(2.0 * spurious[2], least)

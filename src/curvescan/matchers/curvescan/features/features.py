@@ -30,6 +30,7 @@ class Surfaces(NamedTuple):
     beam_idx: Ints  # (m,): the scan's own index of each valid reading, readings counter-clockwise from a breakpoint on
     bounds: Ints  # (s + 1,): surface k is readings bounds[k]:bounds[k + 1]
     objects: Objects  # surfaces that may move as one
+    stamp: float  # when it was taken, seconds
     image: RangeImage  # the readings and the lines through them, and which reading stands in which direction
 
 
@@ -68,6 +69,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
             Sweep(scan.ranges, scan.valid_range, *beams, abs(step), is_even, step < 0.0, is_closed),
             (segments.incidence_limit, segments.jump, segments.arm, segments.range_sigma_min),
             config.scoring.n_samples,
+            scan.stamp,
         )
     )
     features.is_closed = is_closed
@@ -75,7 +77,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
 
 
 @kernel
-def extract(sweep: Sweep, lengths: tuple[float, float, float, float], n_samples: int) -> Surfaces:
+def extract(sweep: Sweep, lengths: tuple[float, float, float, float], n_samples: int, stamp: float) -> Surfaces:
     """Return the surfels and the range image of a scan.
 
     What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
@@ -96,4 +98,4 @@ def extract(sweep: Sweep, lengths: tuple[float, float, float, float], n_samples:
     first = angles[angles.size - 1 if is_clockwise else 0] if angles.size > 0 else 0.0
     first -= 2.0 * math.pi * round(first / (2.0 * math.pi))
     image = RangeImage(choose_samples(surfels, n_samples), surfels, table, first, density, density * step)
-    return Surfaces(angles.size, beam_idx, bounds, find_objects(surfels, bounds), image)
+    return Surfaces(angles.size, beam_idx, bounds, find_objects(surfels, bounds), stamp, image)
