@@ -20,9 +20,8 @@ class Objects(NamedTuple):
     """Which readings belong together, as far as one scan shows it."""
 
     label: Ints  # (m,): number of the object that each reading is of, -1 where that is no small one
-    movable: (
-        Ints  # (m,): the same with things that stand against a wall, which somebody may have moved by the next visit
-    )
+    # (m,): the same with things that stand against a wall, which somebody may have moved by the next visit
+    movable: Ints
     is_free: Bools  # (n,): which objects are no larger than a person and stand free on both sides
     # (m,): which readings are of things no larger than a person that stand before what is on one side of them
     is_small: Bools
