@@ -29,7 +29,8 @@ _LEAST_NOISE = 0.1
 """Least variance of another odometry, in those of the configuration."""
 
 _MOST_ERROR = 4.0
-"""The most that the square of one error counts, in the variance: a slip is no habit, nor what walkers feign."""
+"""The most that the square of one error counts, in the variance: a slip is not a habit, nor is one that people who walk
+along feign."""
 
 _MOVING = 3
 """Wheels that report the very pose of the scan before, after a motion longer than this many times the least change

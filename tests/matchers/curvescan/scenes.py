@@ -66,13 +66,19 @@ def weigh(ref, cur, prior, poses, scores):
     return WeighedPoses(poses, np.array(scores), evidence, *log_odds(poses, prior)).best_first()
 
 
+def no_objects(n):
+    """All contour of n readings taken for walls."""
+    none = np.full(n, -1)
+    return Objects(none, none, np.zeros(0, dtype=bool), np.zeros(n, dtype=bool))
+
+
 def compare_readings(surfels, other, pose, margin):
     """What the readings of a scan are to another one, and their partners there; pose: of the scan in the other."""
     n = len(surfels)
     one = other._replace(
         beam_idx=np.arange(n),
         bounds=np.array([0, n]),
-        objects=Objects(*(np.full(n, -1),) * 2, np.zeros(0, dtype=bool), np.zeros(n, dtype=bool)),
+        objects=no_objects(n),
         image=other.image._replace(samples=surfels, surfels=surfels),
     )
     codes, partner = np.empty(n, dtype=np.uint8), np.empty(n, dtype=np.int64)
@@ -80,4 +86,14 @@ def compare_readings(surfels, other, pose, margin):
     return codes, partner
 
 
-__all__ = ["MOTION", "compare_readings", "features", "pair", "pillar_scan", "room_scan", "turned", "weigh"]
+__all__ = [
+    "MOTION",
+    "compare_readings",
+    "features",
+    "no_objects",
+    "pair",
+    "pillar_scan",
+    "room_scan",
+    "turned",
+    "weigh",
+]

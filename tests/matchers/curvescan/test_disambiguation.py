@@ -8,14 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.assessment.assessment import (
-    along_walls,
-    along_weakest_direction,
-    assess_pose,
-    degenerate_directions,
-    ties_of,
-)
-from curvescan.matchers.curvescan.assessment.confidence import Support
+from curvescan.matchers.curvescan.assessment.assessment import assess_pose, degenerate_directions
 from curvescan.matchers.curvescan.assessment.evidence import BEYOND, SMALL, extent
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.candidates import look_closer, refine_candidates, with_places_along
@@ -61,13 +54,6 @@ def test_a_room_leaves_nothing_open_and_a_corridor_its_length():
     _, cov = assessment.matrices(is_degenerate, CONFIG)
     assert cov[0, 0] > 0.8
     assert cov[1, 1] < 0.01
-
-
-def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
-    ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
-    poses = np.array([[0.6, 0.0, 0.0], [0.05, 0.0, 0.0], [0.6, 1.0, 0.0]])
-    assert along_weakest_direction(poses, assessment, True, None, CONFIG) == [1]
 
 
 def test_a_fine_slide_stays_on_the_corridor():
@@ -122,23 +108,6 @@ def test_ties_widen_the_covariance_until_it_holds_them():
     np.testing.assert_array_equal(covariance_of_ties(pose, pose[np.newaxis]), np.zeros((3, 3)))
 
 
-def test_ties_are_what_repeats_along_the_wall_or_all_where_the_first_is_not_sure_alone():
-    sure = Support(log_odds=4.0, rivals={1: -3.0, 2: -3.0, 3: -3.0}, repeated=[1, 3])
-    assert ties_of(sure, [1, 2], CONFIG) == [1]
-    assert ties_of(sure, [2], CONFIG) == []
-    assert ties_of(sure, [], CONFIG) == []
-    unsure = Support(log_odds=4.0, rivals={1: -3.0, 2: 0.5, 3: -3.0}, repeated=[1, 3])
-    assert ties_of(unsure, [1, 2], CONFIG) == [1, 2]
-
-
-def test_one_wall_and_little_more_is_no_rival_to_itself_but_named():
-    # 0.4 m of a wall across is all that fixes the pose along the long one
-    ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
-    poses = np.array([[0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [0.3, 0.6, 0.0], [0.9, 0.0, 1.0]])
-    assert along_weakest_direction(poses, assessment, False, None, CONFIG) == [1]
-
-
 def test_where_people_agree_by_chance_the_right_place_along_a_corridor_is_found():
     """Of this pair people in other places agree half a metre along the corridor."""
     crowded = list(deceptive_pairs("crowded corridor", n_pairs=18, seed=9101))[17]
@@ -146,25 +115,6 @@ def test_where_people_agree_by_chance_the_right_place_along_a_corridor_is_found(
     assert found.ok
     np.testing.assert_allclose(found.pose, crowded.pose, atol=0.05)
     assert found.degenerate_direction is not None  # and that place is nearly as likely
-
-
-def test_along_one_long_wall_other_places_are_looked_at_but_where_a_guess_says_which():
-    ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    pose = np.array([[0.4, 0.0, 0.0]])
-    assessment = assess_pose(ref, cur, pose[0], CONFIG)
-    walls = along_walls(ref, assessment)
-    assert abs(walls[0]) == pytest.approx(1.0, abs=1e-3)
-    assert walls[2] == 0.0
-    known = assessment._replace(information=(1e5, 2e5, 1e6))  # as if people fixed it
-    weighed = weigh(ref, cur, WIDE, pose, [0.8])
-    weighed.evidence[0, SMALL] = 0.5  # people stand about
-    assert weighed.is_one_way
-    guessed = weigh(ref, cur, Prior.of(prior_of(None, pose[0])), pose, [0.8])
-    guessed.evidence[0, SMALL] = 0.5
-    assert not guessed.is_one_way
-    others = np.array([[0.4, 0.0, 0.0], [1.3, 0.0, 0.0], [0.4, 0.6, 0.0]])
-    assert along_weakest_direction(others, known, False, walls, CONFIG) == [1]
-    assert along_weakest_direction(others, known, False, None, CONFIG) == []
 
 
 def test_a_few_readings_through_a_door_fix_the_place_along_a_corridor():

@@ -1,6 +1,7 @@
 """Candidates: the few best poses refined on all readings, with those along a direction that the scans leave open.
 
-Poses are the rows of an array, best first; scores the numbers beside them. Others nearly as good compete.
+Poses are the rows of an array, best first; scores the numbers beside them. A competing hypothesis is a pose with nearly
+the best score.
 """
 
 from __future__ import annotations

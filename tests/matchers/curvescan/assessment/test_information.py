@@ -21,10 +21,9 @@ from curvescan.matchers.curvescan.assessment.information import (
 )
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.config import InformationConfig
-from curvescan.matchers.curvescan.features.objects import Objects
 from curvescan.matchers.curvescan.features.surfels import N_COLUMNS, NX, NY, TILT, VARIANCE, X, Y
 from curvescan.matchers.curvescan.refinement import refine
-from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, hall_scan, pair, pillar_scan
+from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, hall_scan, no_objects, pair, pillar_scan
 from tests.reference import curvescan as slow
 
 
@@ -35,15 +34,9 @@ def information_at(ref, cur, pose):
     return arguments, information_of(*arguments)
 
 
-def no_objects(surfels):
-    """All contour taken for walls."""
-    none = np.full(len(surfels), -1)
-    return Objects(none, none, np.zeros(0, dtype=bool), np.zeros(len(surfels), dtype=bool))
-
-
 def information_of(ref, partner_ref, cur, partner_cur, pose):
     """The information of the whole contour."""
-    return pose_information(ref, no_objects(ref), partner_ref, cur, no_objects(cur), partner_cur, pose, 0.0)
+    return pose_information(ref, no_objects(len(ref)), partner_ref, cur, no_objects(len(cur)), partner_cur, pose, 0.0)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -90,7 +83,7 @@ def test_the_spurious_part_is_what_a_tilt_of_the_line_gives(way):
     sums, sums_across = np.zeros((2, LEVER2 + 1))
     for other, total in ((line, sums), (across, sums_across)):
         parts = np.zeros((1, CHI2))
-        objects = no_objects(one), no_objects(other)
+        objects = no_objects(len(one)), no_objects(len(other))
         add_information(one, other, objects, np.array([0]), pose, way, total, parts)
         assert not parts.any()
     n = SPURIOUS - INFORMATION
@@ -129,7 +122,7 @@ def test_residuals_of_plain_noise_have_a_mean_square_of_one():
         ref, cur = pair(seed)
         (ref_surfels, partner_ref, cur_surfels, partner_cur, pose), _ = information_at(ref, cur, MOTION)
         system = np.zeros(LEVER2 + 1)
-        walls, parts = [no_objects(one) for one in (ref_surfels, cur_surfels)], np.zeros((1, CHI2))
+        walls, parts = [no_objects(len(one)) for one in (ref_surfels, cur_surfels)], np.zeros((1, CHI2))
         add_information(cur_surfels, ref_surfels, (walls[1], walls[0]), partner_cur, pose, FORWARD, system, parts)
         add_information(ref_surfels, cur_surfels, (walls[0], walls[1]), partner_ref, pose, BACKWARD, system, parts)
         means.append(system[CHI2] / system[COUNT])

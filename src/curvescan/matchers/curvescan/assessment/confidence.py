@@ -138,7 +138,10 @@ class WeighedPoses:
 
     @property
     def is_bare_and_moved(self) -> bool:
-        """Whether no people hide what more agrees, and neither a prior nor standing still speaks for the first pose."""
+        """Whether nothing but walls agrees at the first pose, no people hide the rest, and nothing else speaks for it.
+
+        That is a prior, or standing still.
+        """
         is_told = self.is_told(0) or self.wide_priors[0] > _STILL
         return self.is_bare and not is_told and self._rows[0][SMALL] <= ANY
 

@@ -30,7 +30,8 @@ def with_samples(image: RangeImage, samples: Floats) -> RangeImage:
     return RangeImage(samples, image.surfels, image.table, image.azimuth_min, image.slots_a_radian, image.slots_a_beam)
 
 
-# Slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step.
+# Slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step. An even one
+# has a slot for each beam.
 _SLOTS_A_STEP = 4
 _MAX_SLOTS = 1 << 16
 

@@ -27,7 +27,8 @@ FIT_X, FIT_Y, FIT_UX, FIT_UY, FIT_VARIANCE, FIT_ALONG, FIT_LOW, FIT_HIGH = range
 # The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
 # two readings, none of it lose what the surface does within an arm.
 OWN_SHARE = 0.4
-# Two fifths of the variances of n residuals about a line lie below the true one over this (Wilson and Hilferty).
+# Two fifths of the variances of n residuals about a line lie below the true one over this: the chi-square quantile by
+# Wilson and Hilferty.
 _SPREAD = 2.0 / (9 * np.maximum(np.arange(65) - 2, 3))
 _RAISED = 1.0 / (1.0 - _SPREAD - 0.2533 * np.sqrt(_SPREAD)) ** 3
 

@@ -167,26 +167,26 @@ def coinciding_places(turned: Floats, axis: float, marks_ref: Landmarks, marks_c
 
 @kernel
 def translation_hypotheses(
-    first: Floats, turned: Floats, ref: RangeImage, cur: RangeImage, of_ref: Landmarks, of_cur: Landmarks, most: int
+    first: Floats, turned: Floats, ref: RangeImage, cur: RangeImage, of_ref: Landmarks, of_cur: Landmarks, n_most: int
 ) -> Floats:
     """Return the `first` poses, and those with the turns of (h, 3) given ones where walls coincide along both axes.
 
-    The `most` best are looked at. Left out are those at which one sensor would stand behind what the other saw.
+    The n_most best are looked at. Left out are those at which one sensor would stand behind what the other saw.
     """
     axis = of_ref.axis
     places, heights = coinciding_places(turned, axis, of_ref, of_cur)
     n = first.shape[0]
-    poses = np.empty((n + most, 3))
+    poses = np.empty((n + n_most, 3))
     for k in range(n):  # a slice would bring the text of an error to compile
         poses[k, 0], poses[k, 1], poses[k, 2] = first[k, 0], first[k, 1], first[k, 2]
     upcoming = np.zeros((turned.shape[0], _N_PLACES), dtype=np.int64)  # along the second axis, by that along the first
-    for _ in range(min(most, turned.shape[0] * _N_PLACES * _N_PLACES)):
-        best, h, i = -1.0, 0, 0
+    for _ in range(min(n_most, turned.shape[0] * _N_PLACES * _N_PLACES)):
+        most, h, i = -1.0, 0, 0
         for t in range(turned.shape[0]):
             for p in range(_N_PLACES):
                 q = upcoming[t, p]
-                if q < _N_PLACES and heights[t, 0, p] + heights[t, 1, q] > best:
-                    best, h, i = heights[t, 0, p] + heights[t, 1, q], t, p
+                if q < _N_PLACES and heights[t, 0, p] + heights[t, 1, q] > most:
+                    most, h, i = heights[t, 0, p] + heights[t, 1, q], t, p
                 if q == 0:
                     break  # those after it coincide less
         u, v = places[h, 0, i], places[h, 1, upcoming[h, i]]

@@ -21,7 +21,8 @@ from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats, Pose
 
 _LEAST_SCORE = 0.1  # of a candidate: what scores less is there by chance, also its turn
-# Then turns so many radians and twice as many to either side of the likeliest are tried: clutter tells no better.
+# Then turns so many radians and twice as many to either side of the likeliest are tried. The directions of clutter tell
+# the turn no better.
 _TURN_STEP = 0.1
 _N_REFINED, _N_KEPT = 6, 4  # poses that are refined, and of these how many are candidates
 CONTESTED = 0.3  # a pose with this share of the best one's score competes with it, and is judged beside it
