@@ -115,6 +115,12 @@ NAMED = (
         "_LASTS = 1e12",
         f"{_MATCHER}/features/test_objects.py",
     ),
+    _named(
+        "the two sides of a wall are one surface",
+        f"{_MATCHER}/assessment/labels.py",
+        "reach = 0.0 if faces_away(surfels, i, motion) else ",
+        "reach = ",
+    ),
     _named("share of a slide 0.2 instead of 0.7", f"{_MATCHER}/disambiguation.py", "_SHARE = 0.7", "_SHARE = 0.2"),
     _named(
         "motion gate three times as wide",

@@ -30,7 +30,7 @@ from curvescan.slam.pose_graph.robust import optimized
 from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
 N_LINKED = 3  # preceding keyframes that a new one is matched with
-_SIGMAS = 3.0  # standard deviations that a keyframe may lie from where the graph has it
+_SIGMAS = 5.0  # standard deviations that a keyframe may lie from where the graph has it: slips go far
 _MIN_SIMILARITY = 0.8  # least similarity by the place index of keyframes of a vague relative pose
 _N_LOGGED = 50_000  # loop-closure candidates whose record is kept, the latest
 _FARTHEST = 6.0  # keyframes of a known relative pose are matched up to here, metres: opposite views share least nearby

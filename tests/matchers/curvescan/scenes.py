@@ -10,7 +10,7 @@ import numpy as np
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
 from curvescan.matchers.curvescan.assessment.evidence import N_EVIDENCE, add_evidence, gather_evidence
-from curvescan.matchers.curvescan.association import FORWARD
+from curvescan.matchers.curvescan.association import FORWARD, motion_of
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.features import extract_features
 from curvescan.matchers.curvescan.features.objects import Objects
@@ -82,7 +82,7 @@ def compare_readings(surfels, other, pose, margin):
         image=other.image._replace(samples=surfels, surfels=surfels),
     )
     codes, partner = np.empty(n, dtype=np.uint8), np.empty(n, dtype=np.int64)
-    add_evidence(one, other, pose, FORWARD, margin, np.zeros(N_EVIDENCE), codes, partner)
+    add_evidence(one, other, motion_of(pose, FORWARD), margin, np.zeros(N_EVIDENCE), codes, partner)
     return codes, partner
 
 

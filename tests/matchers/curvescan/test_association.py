@@ -10,6 +10,7 @@ from curvescan.matchers.curvescan.association import (
     BACKWARD,
     FORWARD,
     associate,
+    faces_away,
     is_seen_through,
     lever,
     motion_of,
@@ -74,3 +75,19 @@ def test_turning_back_undoes_turning():
 )
 def test_a_point_before_the_other_reading_is_seen_through(front, is_through):
     assert is_seen_through(3.0, -4.0, front) == is_through
+
+
+@pytest.mark.parametrize("way", [FORWARD, BACKWARD])
+def test_a_side_of_a_wall_is_seen_from_its_own_side(way):
+    surfels = pair(1)[0].image.surfels[:1].copy()
+    surfels[0, [X, Y, NX, NY]] = 2.0, 0.0, -1.0, 0.0  # straight ahead
+    for x, y, is_behind in (
+        (0.0, 0.0, False),
+        (1.9, 3.0, False),
+        (2.2, 3.0, False),
+        (2.4, 3.0, True),
+        (4.0, 0.0, True),
+    ):
+        pose = np.array([x, y, 2.0])  # of the other sensor; one 4 degrees behind the wall grazes it
+        motion = motion_of(pose if way == BACKWARD else cs.se2.inverse(pose), way)
+        assert faces_away(surfels, 0, motion) is is_behind

@@ -12,7 +12,7 @@ import numpy as np
 
 from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.features.range_image import RangeImage, place_in, reading_in
-from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, X, Y
+from curvescan.matchers.curvescan.features.surfels import CX, CY, MIN_INCIDENCE2, NX, NY, X, Y
 from curvescan.types import Floats
 
 # Rows of projected readings: metres in the frame of the other scan, and slots of its azimuth table.
@@ -79,6 +79,15 @@ def projected(surfels: Floats, i: int, motion: Motion) -> tuple[float, float]:
     if motion.way < 0.0:
         return turned_back(dx, dy, motion)
     return dx + motion.x, dy + motion.y
+
+
+@inlined
+def faces_away(surfels: Floats, i: int, motion: Motion) -> bool:
+    """Return whether the other sensor stands behind the line of reading i, and does not graze it."""
+    x, y = (motion.x, motion.y) if motion.way < 0.0 else turned_back(-motion.x, -motion.y, motion)
+    dx, dy = surfels[i, X] - x, surfels[i, Y] - y
+    away = surfels[i, NX] * dx + surfels[i, NY] * dy
+    return bool(away > 0.0 and away * away > MIN_INCIDENCE2 * (dx * dx + dy * dy))
 
 
 @inlined

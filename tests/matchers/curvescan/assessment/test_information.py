@@ -36,7 +36,8 @@ def information_at(ref, cur, pose):
 
 def information_of(ref, partner_ref, cur, partner_cur, pose):
     """The information of the whole contour."""
-    return pose_information(ref, no_objects(len(ref)), partner_ref, cur, no_objects(len(cur)), partner_cur, pose, 0.0)
+    things = no_objects(len(ref)), no_objects(len(cur))
+    return pose_information(ref, cur, things, (partner_ref, partner_cur), pose, 0.0)
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -10,11 +10,13 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, MOVED, OCCLUDED, agreeing_limits, mark_moved
-from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
+from curvescan.matchers.curvescan.association import BACKWARD, FORWARD, motion_of
 from curvescan.matchers.curvescan.features.range_image import reading_at
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, RANGE, VARIANCE, X, Y
 from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, pair, pillar_scan
 from tests.reference import curvescan as slow
+
+STILL = motion_of(np.zeros(3), FORWARD)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -139,14 +141,25 @@ def test_how_far_two_readings_of_one_surface_may_lie_apart():
     surfels[:, VARIANCE] = 4e-4, 5e-4
     surfels[1, RANGE] = 5.0
     # three standard deviations of both across; along a decimetre, and a tenth of the range
-    limits = agreeing_limits(surfels, 0, surfels, 1, 0.01)
+    limits = agreeing_limits(surfels, 0, surfels, 1, 0.01, STILL)
     np.testing.assert_allclose(limits, [3.0 * 0.03 + 0.01, 0.1 + 0.5], rtol=1e-12)
     # without a line: 5 cm across, a decimetre along, whichever of them has none
     for k in (0, 1):
         alone = surfels.copy()
         alone[k, VARIANCE] = -1.0
-        limits = agreeing_limits(alone, 0, alone, 1, 0.01)
+        limits = agreeing_limits(alone, 0, alone, 1, 0.01, STILL)
         np.testing.assert_allclose(limits, [0.06, 0.1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("way", [FORWARD, BACKWARD])
+def test_the_two_sides_of_a_wall_are_not_one_surface(way):
+    surfels = wall().image.surfels[:2].copy()
+    beyond = motion_of(np.array([2.0 * surfels[0, X], 0.0, np.pi]), way)  # a sensor that looks back at the wall
+    assert agreeing_limits(surfels, 0, surfels, 1, 0.01, STILL)[1] > 0.1
+    limit, reach = agreeing_limits(surfels, 0, surfels, 1, 0.01, beyond)
+    assert (limit > 0.01, reach) == (True, 0.0)
+    surfels[1, VARIANCE] = -1.0  # of a thing as small as that the far side may be seen
+    assert agreeing_limits(surfels, 0, surfels, 1, 0.01, beyond)[1] == 0.1
 
 
 @pytest.mark.parametrize(("more", "code"), [(-0.01, OCCLUDED), (0.01, DYNAMIC)])
@@ -154,7 +167,7 @@ def test_another_thing_stands_five_centimetres_in_front_of_what_agrees(more, cod
     seen = wall()
     surfels = seen.image.surfels
     k = int(np.argmin(np.abs(surfels[:, Y])))  # straight ahead
-    limit, _ = agreeing_limits(surfels, k, surfels, k, 0.01)
+    limit, _ = agreeing_limits(surfels, k, surfels, k, 0.01, STILL)
     front = surfels[k, RANGE] - 2.0 * limit - 0.05 - more
     moved = surfels[k : k + 1].copy()
     moved[0, [X, Y]] *= front / math.hypot(*moved[0, [X, Y]])

@@ -112,12 +112,10 @@ def assess(
     n_inliers = 0
     for j in partner_cur:
         n_inliers += j >= 0
-    things_ref, things_cur = of_ref.objects, of_cur.objects
+    things = of_ref.objects, of_cur.objects
     if abs(of_cur.stamp - of_ref.stamp) > _LASTS:
-        things_ref, things_cur = all_movable(things_ref), all_movable(things_cur)
-    information, spurious, axes, units = pose_information(
-        ref, things_ref, partner_ref, cur, things_cur, partner_cur, pose, least
-    )
+        things = all_movable(things[0]), all_movable(things[1])
+    information, spurious, axes, units = pose_information(ref, cur, things, (partner_ref, partner_cur), pose, least)
     a, b, c = information
     is_open = a < max(2.0 * spurious[0], least), b < max(2.0 * spurious[1], least), c < max(2.0 * spurious[2], least)
     return Assessment(codes_ref, codes_cur, n_inliers, n_dynamic, (a, b, c), axes, units, is_open)

@@ -14,9 +14,17 @@ import numpy as np
 
 from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, IN_FRONT, INLIER, OCCLUDED, agreeing_limits
-from curvescan.matchers.curvescan.association import BACKWARD, FORWARD, associate, is_seen_through, motion_of, project
+from curvescan.matchers.curvescan.association import (
+    BACKWARD,
+    FORWARD,
+    Motion,
+    associate,
+    is_seen_through,
+    motion_of,
+    project,
+)
 from curvescan.matchers.curvescan.config import ARM, PARALLEL
-from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.features import Surfaces
 from curvescan.matchers.curvescan.features.range_image import reading_beside
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
@@ -43,16 +51,14 @@ _N_LINE = len(_LINE_COLUMNS)
 
 
 @kernel
-def gather_evidence(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, margin: float
-) -> tuple[Floats, Compared]:
+def gather_evidence(ref: Surfaces, cur: Surfaces, poses: Floats, margin: float) -> tuple[Floats, Compared]:
     """Return (k, N_EVIDENCE) the evidence of (k, 3) poses, and the readings compared at the first."""
     found = np.zeros((poses.shape[0], N_EVIDENCE))
     codes_ref, codes_cur = np.empty(ref.beam_idx.size, dtype=np.uint8), np.empty(cur.beam_idx.size, dtype=np.uint8)
     partner_ref, partner_cur = np.empty(codes_ref.size, dtype=np.int64), np.empty(codes_cur.size, dtype=np.int64)
     for k in range(poses.shape[0] - 1, -1, -1):
-        n_misfits = add_evidence(cur, ref, poses[k], FORWARD, margin, found[k], codes_cur, partner_cur)
-        n_misfits += add_evidence(ref, cur, poses[k], BACKWARD, margin, found[k], codes_ref, partner_ref)
+        n_misfits = add_evidence(cur, ref, motion_of(poses[k], FORWARD), margin, found[k], codes_cur, partner_cur)
+        n_misfits += add_evidence(ref, cur, motion_of(poses[k], BACKWARD), margin, found[k], codes_ref, partner_ref)
         for column in range(N_EVIDENCE):
             found[k, column] *= 1.0 / max(n_misfits, 1.0) if column == MISFIT else 0.5
     return found, (codes_ref, partner_ref, codes_cur, partner_cur)
@@ -60,19 +66,12 @@ def gather_evidence(
 
 @kernel
 def add_evidence(
-    scan: CurvescanFeatures,
-    other_scan: CurvescanFeatures,
-    pose: Floats,
-    way: float,
-    margin: float,
-    found: Floats,
-    codes: Codes,
-    partner: Ints,
+    scan: Surfaces, other_scan: Surfaces, motion: Motion, margin: float, found: Floats, codes: Codes, partner: Ints
 ) -> int:
     """Add what the readings of one scan say of a pose to `found`, and compare them; return how many have a misfit."""
     surfels, is_small = scan.image.surfels, scan.objects.is_small
     other = other_scan.image
-    placed = project(surfels, motion_of(pose, way), other)
+    placed = project(surfels, motion, other)
     n_misfits = 0
     xx, xy, yy = 0.0, 0.0, 0.0
     for i in range(surfels.shape[0]):
@@ -81,7 +80,7 @@ def add_evidence(
         if j < 0:
             continue
         length = surfels[i, LENGTH]
-        limit, reach = agreeing_limits(surfels, i, other.surfels, j, margin)
+        limit, reach = agreeing_limits(surfels, i, other.surfels, j, margin, motion)
         beside = reading_beside(place, other, j)
         nearer = min(other.surfels[j, RANGE], other.surfels[beside, RANGE]) if beside >= 0 else 0.0
         if not is_small[i] and is_seen_through(x, y, nearer - max(limit, IN_FRONT)):

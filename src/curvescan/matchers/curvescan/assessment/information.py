@@ -173,16 +173,11 @@ def share_of(part: Floats, units: Floats, axis: Floats) -> float:
 
 @kernel
 def pose_information(
-    surfels_ref: Floats,
-    objects_ref: Objects,
-    partner_ref: Ints,
-    surfels_cur: Floats,
-    objects_cur: Objects,
-    partner_cur: Ints,
-    pose: Floats,
-    least: float,
+    ref: Floats, cur: Floats, objects: tuple[Objects, Objects], partners: tuple[Ints, Ints], pose: Floats, least: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the information of the inliers on the pose, in its principal directions.
+
+    ref, cur: surfels; objects, partners: of the reference and of the current scan.
 
     A direction is measured only if it stays so without any one object, and without the few that stand free: what one
     object alone fixes moves with it. Where leaving one out opens a direction, with less than `least` information or no
@@ -191,9 +186,10 @@ def pose_information(
     square distance of the readings; units (3,): what one unit of each row of `axes` is in metres, metres and radians.
     """
     system = np.zeros(_N_COLUMNS)
-    parts = np.zeros((objects_cur.is_free.size + objects_ref.is_free.size + 1, CHI2))
-    add_information(surfels_cur, surfels_ref, (objects_cur, objects_ref), partner_cur, pose, FORWARD, system, parts)
-    add_information(surfels_ref, surfels_cur, (objects_ref, objects_cur), partner_ref, pose, BACKWARD, system, parts)
+    of_ref, of_cur = objects
+    parts = np.zeros((of_cur.is_free.size + of_ref.is_free.size + 1, CHI2))
+    add_information(cur, ref, (of_cur, of_ref), partners[1], pose, FORWARD, system, parts)
+    add_information(ref, cur, (of_ref, of_cur), partners[0], pose, BACKWARD, system, parts)
     n = max(system[COUNT], 1.0)
     arm = math.sqrt(system[LEVER2] / n) + _LEAST_LEVER
     # every reading counts twice, once a way: half of the sum. Residuals larger than the noise
@@ -204,7 +200,7 @@ def pose_information(
     if information[0] < max(least, 2.0 * spurious[0]):
         return information, spurious, axes, units
     n_parts = parts.shape[0]
-    if count_free(parts, objects_cur.is_free, objects_ref.is_free) > _MAX_THINGS:
+    if count_free(parts, of_cur.is_free, of_ref.is_free) > _MAX_THINGS:
         n_parts -= 1
     held, weakest = information[0], axes[:, 0].copy()
     lowest = held

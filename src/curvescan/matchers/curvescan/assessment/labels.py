@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from curvescan._jit import inlined, kernel
-from curvescan.matchers.curvescan.association import distances, motion_of, projected
+from curvescan.matchers.curvescan.association import Motion, distances, faces_away, motion_of, projected
 from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, REACH, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.surfels import RANGE, VARIANCE
 from curvescan.matchers.result import Label
@@ -27,12 +27,17 @@ _MOVED2 = (2.0 * LIKELY_SIGMAS) ** 2  # square of the standard deviations beyond
 
 
 @inlined
-def agreeing_limits(surfels: Floats, i: int, surfels_other: Floats, j: int, margin: float) -> tuple[float, float]:
-    """Return how far across and along the other's line a reading of the same surface may lie, metres."""
+def agreeing_limits(
+    surfels: Floats, i: int, surfels_other: Floats, j: int, margin: float, motion: Motion
+) -> tuple[float, float]:
+    """Return how far across and along the other's line a reading of the same surface may lie, metres.
+
+    Along none where the other sensor would see it from behind: the two sides of a wall are not the same surface.
+    """
     if surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
         return IN_FRONT + margin, REACH
     variance = surfels[i, VARIANCE] + surfels_other[j, VARIANCE]
-    reach = REACH + REACH * surfels_other[j, RANGE]
+    reach = 0.0 if faces_away(surfels, i, motion) else REACH + REACH * surfels_other[j, RANGE]
     return SURE_SIGMAS * math.sqrt(variance) + margin, reach
 
 

@@ -40,7 +40,7 @@ _BENT = 1.5
 # A line is better when its variance is less by this factor: of two that are as good the reading's own is kept.
 _BETTER = 1.3
 _MIN_INCIDENCE = 0.1  # least cosine of incidence that surfels are taken to have: a grazed wall is rough
-_MIN_INCIDENCE2 = _MIN_INCIDENCE * _MIN_INCIDENCE
+MIN_INCIDENCE2 = _MIN_INCIDENCE * _MIN_INCIDENCE
 
 # Multiple of the variance that noise explains beyond which the rest is the surface's: below it it may be chance.
 _ROUGH = LIKELY_SIGMAS * LIKELY_SIGMAS
@@ -174,7 +174,7 @@ def best_fit(fits: Floats, i: int, facing2: float, sigma2: float) -> int:
     hold reading i is taken from which its readings lie least far.
     """
     best = i
-    if fits[i, FIT_VARIANCE] <= _BENT * sigma2 * max(facing2, _MIN_INCIDENCE2):
+    if fits[i, FIT_VARIANCE] <= _BENT * sigma2 * max(facing2, MIN_INCIDENCE2):
         return best
     least = fits[i, FIT_VARIANCE] / _BETTER
     for j in range(int(fits[i, FIT_LOW]), int(fits[i, FIT_HIGH]) + 1):
@@ -211,7 +211,7 @@ def fit_surfels(readings: Floats, fits: Floats, step: float, sigma: float) -> Fl
         facing = nx * bx + ny * by
         if facing > 0.0:
             nx, ny, facing = -nx, -ny, -facing
-        variance = sigma2 * max(facing * facing, _MIN_INCIDENCE2)
+        variance = sigma2 * max(facing * facing, MIN_INCIDENCE2)
         rough = fits[best, FIT_VARIANCE] - _ROUGH * variance
         if rough > 0.0:
             variance += rough
