@@ -279,7 +279,7 @@ def _read_only_row(values: ArrayLike, name: str) -> Floats:
             if isinstance(values, np.ma.MaskedArray):
                 values = np.ma.filled(values.astype(np.float64), np.nan)
             is_shared = type(values) is np.ndarray and values.flags.owndata and not values.flags.writeable
-            row = np.array(values, dtype=np.float64, order="C", copy=None if is_shared else True)  # of another scan
+            row = (np.asarray if is_shared else np.array)(values, dtype=np.float64, order="C")  # of another scan
     except (TypeError, ValueError) as error:
         raise InvalidArgumentError(f"{name} must be numbers, one a beam: {error}") from error
     if row.ndim != 1:
