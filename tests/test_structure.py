@@ -198,7 +198,7 @@ PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
 """Floats that nobody tunes; neither are those of 1e-6 and smaller, which guard divisions."""
 
 BUDGET: dict[str, tuple[int, int, int]] = {
-    "(ground)": (1597, 31, 0),
+    "(ground)": (1592, 31, 0),
     "benchmarks": (485, 23, 0),
     "cli": (2480, 15, 0),
     "diagnostics": (1911, 57, 0),
@@ -211,13 +211,13 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "matchers": (671, 4, 0),
     "matchers/baselines": (1528, 44, 35),
     "matchers/cfsma": (1101, 15, 17),
-    "matchers/curvescan": (3441, 82, 22),
+    "matchers/curvescan": (3438, 82, 22),
     "odometry": (1354, 28, 19),
     "paper": (1608, 84, 0),
-    "plots": (712, 37, 0),
-    "runs": (1205, 13, 0),
+    "plots": (708, 37, 0),
+    "runs": (1195, 13, 0),
     "runs/batch": (1632, 5, 0),
-    "se2": (386, 0, 0),
+    "se2": (383, 0, 0),
     "simulation": (1947, 85, 0),
     "slam": (4000, 56, 18),
 }

@@ -36,8 +36,11 @@ def information_at(ref, cur, pose):
 
 def information_of(ref, partner_ref, cur, partner_cur, pose):
     """The information of the whole contour."""
-    things = no_objects(len(ref)), no_objects(len(cur))
-    return pose_information(ref, cur, things, (partner_ref, partner_cur), pose, 0.0)
+    scans = [
+        pair()[0]._replace(image=pair()[0].image._replace(surfels=one), objects=no_objects(len(one)))
+        for one in (ref, cur)
+    ]
+    return pose_information(*scans, (partner_ref, partner_cur), pose, 0.0)
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -16,7 +16,6 @@ from curvescan.matchers.curvescan.assessment.labels import INLIER, MOVED, mark_m
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.config import AS_GOOD, LASER_ERROR, NEAR, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
-from curvescan.matchers.curvescan.features.objects import all_movable
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
 from curvescan.matchers.curvescan.pose_difference import distance, is_along
 from curvescan.matchers.curvescan.prior import log_odds
@@ -29,7 +28,6 @@ from curvescan.types import Codes, Cov, Floats, Pose
 # (3, 3): the information on a pose, zero along what is open, and its covariance, wide there.
 Known: TypeAlias = tuple[Cov, Cov]
 
-_LASTS = 60.0  # seconds that things which stand against a wall are taken to stay there
 # How far along a weak direction the scans are compared, in what it is known to where it just counts as known.
 DOUBLED: Floats = np.array([1.0, 2.0, 4])
 
@@ -112,10 +110,7 @@ def assess(
     n_inliers = 0
     for j in partner_cur:
         n_inliers += j >= 0
-    things = of_ref.objects, of_cur.objects
-    if abs(of_cur.stamp - of_ref.stamp) > _LASTS:
-        things = all_movable(things[0]), all_movable(things[1])
-    information, spurious, axes, units = pose_information(ref, cur, things, (partner_ref, partner_cur), pose, least)
+    information, spurious, axes, units = pose_information(of_ref, of_cur, (partner_ref, partner_cur), pose, least)
     a, b, c = information
     is_open = a < max(2.0 * spurious[0], least), b < max(2.0 * spurious[1], least), c < max(2.0 * spurious[2], least)
     return Assessment(codes_ref, codes_cur, n_inliers, n_dynamic, (a, b, c), axes, units, is_open)

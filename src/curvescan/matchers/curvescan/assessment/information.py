@@ -16,7 +16,8 @@ import numpy as np
 
 from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD, distances, lever, motion_of, projected, turned
-from curvescan.matchers.curvescan.features.objects import Objects
+from curvescan.matchers.curvescan.features.features import Surfaces
+from curvescan.matchers.curvescan.features.objects import Objects, all_movable
 from curvescan.matchers.curvescan.features.surfels import NX, NY, TILT, VARIANCE
 from curvescan.matchers.curvescan.refinement import N_TRIANGLE, XX, YY, add_square
 from curvescan.types import Bools, Floats, Ints
@@ -34,6 +35,7 @@ _HOLDS = 0.5  # least share of the information in the least informed direction o
 
 # Free-standing things of a scan that may move together, as people do: more of them do not keep pace by chance.
 _MAX_THINGS = 6
+_LASTS = 60.0  # seconds that things which stand against a wall are taken to stay there
 # Share of the variance of a reading that the line through it holds: OWN_SHARE of its noise, and the rest of a mean.
 _LINE_NOISE = 0.3
 _LEAST_LEVER = 1e-3  # metres, so that nothing is divided by zero
@@ -173,11 +175,9 @@ def share_of(part: Floats, units: Floats, axis: Floats) -> float:
 
 @kernel
 def pose_information(
-    ref: Floats, cur: Floats, objects: tuple[Objects, Objects], partners: tuple[Ints, Ints], pose: Floats, least: float
+    ref: Surfaces, cur: Surfaces, partners: tuple[Ints, Ints], pose: Floats, least: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the information of the inliers on the pose, in its principal directions.
-
-    ref, cur: surfels; objects, partners: of the reference and of the current scan.
+    """Return the information of the inliers, by the partners of the readings of both, in its principal directions.
 
     A direction is measured only if it stays so without any one object, and without the few that stand free: what one
     object alone fixes moves with it. Where leaving one out opens a direction, with less than `least` information or no
@@ -186,10 +186,12 @@ def pose_information(
     square distance of the readings; units (3,): what one unit of each row of `axes` is in metres, metres and radians.
     """
     system = np.zeros(_N_COLUMNS)
-    of_ref, of_cur = objects
+    surfels_ref, surfels_cur, of_ref, of_cur = ref.image.surfels, cur.image.surfels, ref.objects, cur.objects
+    if abs(cur.stamp - ref.stamp) > _LASTS:
+        of_ref, of_cur = all_movable(of_ref), all_movable(of_cur)
     parts = np.zeros((of_cur.is_free.size + of_ref.is_free.size + 1, CHI2))
-    add_information(cur, ref, (of_cur, of_ref), partners[1], pose, FORWARD, system, parts)
-    add_information(ref, cur, (of_ref, of_cur), partners[0], pose, BACKWARD, system, parts)
+    add_information(surfels_cur, surfels_ref, (of_cur, of_ref), partners[1], pose, FORWARD, system, parts)
+    add_information(surfels_ref, surfels_cur, (of_ref, of_cur), partners[0], pose, BACKWARD, system, parts)
     n = max(system[COUNT], 1.0)
     arm = math.sqrt(system[LEVER2] / n) + _LEAST_LEVER
     # every reading counts twice, once a way: half of the sum. Residuals larger than the noise
