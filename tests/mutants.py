@@ -110,7 +110,7 @@ NAMED = (
     ),
     _named(
         "what stands against a wall stays for good",
-        f"{_MATCHER}/assessment/assessment.py",
+        f"{_MATCHER}/assessment/information.py",
         "_LASTS = 60.0",
         "_LASTS = 1e12",
         f"{_MATCHER}/features/test_objects.py",
@@ -161,6 +161,13 @@ NAMED = (
         "if mx * nx + my * ny < _FACING:",
         "if False:",
     ),
+    _named(
+        "keyframes are asked three standard deviations off",
+        "slam/loop_search.py",
+        "_SIGMAS = 5.0",
+        "_SIGMAS = 3.0",
+        "slam/test_closures.py",
+    ),
     _named("no soft weight between 2 and 4 sigma", f"{_MATCHER}/refinement.py", "if u2 > _KNEE_CHI2:", "if False:"),
     _named(
         "one leap is a habit",
@@ -171,8 +178,8 @@ NAMED = (
     _named(
         "a rejected match keeps its small covariance",
         "odometry/measurement.py",
-        "expected.cov + prediction.recovery",
-        "expected.cov",
+        "expected.covariance + prediction.recovery",
+        "expected.covariance",
         "odometry/test_gating.py",
     ),
     _named(
@@ -240,7 +247,7 @@ NAMED = (
     _named(
         "a keyframe that went hangs on its match whatever the finished map says",
         "slam/thinning.py",
-        "tie if fuse(step.seen, UncertainPose(by_tie, tie.seen.cov + spread))[1] < GATE else step",
+        "tie if fuse(step.seen, UncertainPose(by_tie, tie.seen.covariance + spread))[1] < GATE else step",
         "tie",
     ),
     _named(

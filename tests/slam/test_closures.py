@@ -17,6 +17,7 @@ from curvescan.slam.loop_search import Candidate, choose_candidates, matched
 from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, expectation_of
 from curvescan.slam.loops.cycles import difference
 from curvescan.slam.loops.overlap import range_profile
+from curvescan.types import Floats
 
 
 @pytest.fixture(scope="module")
@@ -80,11 +81,25 @@ def test_a_view_from_afar_is_accepted_where_the_graph_expects_it_and_waits_elsew
 def test_opposite_views_are_candidates_up_to_six_metres_where_the_graph_knows_them(hall: cs.Log) -> None:
     profiles = np.tile(range_profile(hall[0]), (20, 1, 1))
     for distance, sigma, is_chosen in ((5.0, 0.05, True), (7.0, 0.05, False), (5.0, 0.8, False)):
-        relative = np.tile([30.0, 0.0, 0.0], (19, 1))
-        relative[2] = distance, 0.0, np.pi
-        covariances = np.tile(np.diag(np.square([sigma, sigma, 0.02])), (19, 1, 1))
-        chosen = choose_candidates(19, np.arange(19), relative, covariances, SlamConfig(), profiles)
-        assert (2 in [c.i for c in chosen]) is is_chosen
+        assert _is_candidate(distance, sigma, profiles) is is_chosen
+
+
+@pytest.mark.parametrize(("distance", "is_chosen"), [(12.0, True), (13.0, False)])
+def test_what_looks_alike_is_a_candidate_up_to_five_standard_deviations_from_within_reach(
+    hall: cs.Log, distance: float, is_chosen: bool
+) -> None:
+    profiles = np.tile(range_profile(hall[0]), (20, 1, 1))
+    assert _is_candidate(distance, 2.0, profiles, np.ones(19)) is is_chosen
+    assert not _is_candidate(distance, 2.0, profiles, np.zeros(19))
+
+
+def _is_candidate(distance: float, sigma: float, profiles: Floats, similarity: Floats | None = None) -> bool:
+    """Return whether one of 19 keyframes is asked, metres off by the graph, which knows it so well, metres."""
+    relative = np.tile([60.0, 0.0, 0.0], (19, 1))
+    relative[2] = distance, 0.0, np.pi
+    covariances = np.tile(np.diag(np.square([sigma, sigma, 0.02])), (19, 1, 1))
+    chosen = choose_candidates(19, np.arange(19), relative, covariances, SlamConfig(), profiles, similarity)
+    return 2 in [c.i for c in chosen]
 
 
 def test_of_a_matcher_without_a_confidence_the_graph_decides(result: MatchResult) -> None:
