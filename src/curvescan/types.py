@@ -66,11 +66,6 @@ class UncertainPose(NamedTuple):
     pose: Pose
     covariance: Cov
 
-    @property
-    def cov(self) -> Cov:
-        """The covariance, by a shorter name for formulas."""
-        return self.covariance
-
     def __repr__(self) -> str:
         x, y, theta = (float(value) for value in self.pose)
         sx, sy, st = np.sqrt(np.abs(np.diag(self.covariance))).tolist()

@@ -35,7 +35,7 @@ def test_a_leap_of_the_odometry_is_none_of_odom():
         moved = np.array([0.1 * (k > 0), 0.0, 0.0])
         state = motion.add(step_of(pose, covariance, moved), 0.1 * k)
     assert state.odom_base.pose == pytest.approx([1.0, 0.0, 0.0])
-    assert state.odom_base.cov[0, 0] == pytest.approx(0.25 + 1e-4)
+    assert state.odom_base.covariance[0, 0] == pytest.approx(0.25 + 1e-4)
     assert state.twist == pytest.approx([1.0, 0.0, 0.0])
     assert state.map_odom == pytest.approx([-0.5, 0.0, 0.0])
 
@@ -45,7 +45,7 @@ def test_map_odom_waits_until_the_laser_has_been_found():
     unknown = replace(step_of(np.zeros(3), covariance, np.zeros(3)), pose=np.full(3, np.nan))
     state = motion.add(unknown, 0.0)
     assert state.map_odom is None
-    assert np.isfinite(state.odom_base.cov).all()
+    assert np.isfinite(state.odom_base.covariance).all()
     found = motion.add(step_of(np.array([2.0, 1.0, 0.0]), covariance, np.zeros(3)), 0.1)
     assert found.map_odom == pytest.approx([2.0, 1.0, 0.0])
     assert motion.add(unknown, 0.2).map_odom == pytest.approx([2.0, 1.0, 0.0])

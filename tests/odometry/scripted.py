@@ -42,7 +42,7 @@ class ScriptedMatcher:
     def match(self, reference, current, guess):
         score, confidence = self.config.links.get((reference, current), (0.8, 0.98))
         is_seen = score > 0.0 and not {reference, current} & self.config.hidden
-        is_seen &= current not in self.config.sudden or (guess is not None and guess.cov[2, 2] >= 1.0)
+        is_seen &= current not in self.config.sudden or (guess is not None and guess.covariance[2, 2] >= 1.0)
         pose = se2.between(self.config.poses[reference], self.config.poses[current])
         return cs.MatchResult(
             method=METHOD,

@@ -58,7 +58,7 @@ def test_along_a_corridor_the_expectation_decides():
     np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.1, 0.01, 0.05], atol=1e-3)
     assert gated.is_plausible  # how far along it went means nothing
     assert not gated.is_confident(0.4)
-    assert gated.pose_keyframe_scan.cov[0, 0] == pytest.approx(0.02**2, rel=1e-3)
+    assert gated.pose_keyframe_scan.covariance[0, 0] == pytest.approx(0.02**2, rel=1e-3)
 
 
 def test_a_match_far_from_what_was_expected_is_not_plausible_and_is_not_bent():
@@ -111,7 +111,7 @@ def test_a_doubtful_match_of_a_sudden_shift_counts_for_nothing_along_it(pose, co
     assert gated.is_fully_observed is not is_opened
     expected = (EXPECTED.pose[0], *pose[1:]) if is_opened else pose
     np.testing.assert_allclose(gated.pose_keyframe_scan.pose, expected, atol=0.012)
-    along, across = np.sqrt(np.diag(gated.pose_keyframe_scan.cov)[:2])
+    along, across = np.sqrt(np.diag(gated.pose_keyframe_scan.covariance)[:2])
     assert across < 0.002
     assert along == pytest.approx(0.02 if is_opened else 0.001, rel=0.1)
 
@@ -119,9 +119,9 @@ def test_a_doubtful_match_of_a_sudden_shift_counts_for_nothing_along_it(pose, co
 @pytest.mark.parametrize(("x", "is_opened"), [(0.8, False), (-0.6, True)])
 def test_scans_that_are_missing_may_have_led_on(x, is_opened):
     """A sensor that went on for eight scans is eight times as far; not back."""
-    expected = UncertainPose(np.array([0.1, 0.0, 0.0]), EXPECTED.cov)
+    expected = UncertainPose(np.array([0.1, 0.0, 0.0]), EXPECTED.covariance)
     prediction = Prediction(expected, expected, False, Deskewer(), None, np.eye(3), 0.2, 7.0 * expected.pose)
-    turned = UncertainPose(np.array([0.0, 0.1, math.pi / 2]), EXPECTED.cov)  # as seen from another reference
+    turned = UncertainPose(np.array([0.0, 0.1, math.pi / 2]), EXPECTED.covariance)  # as seen from another reference
     for seen, pose in ((expected, (x, 0.0, 0.0)), (turned, (0.0, x, math.pi / 2))):
         assert gate_within(matched(pose, confidence=0.85), seen, prediction, CONFIG).is_opened is is_opened
 
@@ -141,7 +141,7 @@ def test_without_fusion_the_match_is_taken_as_it_is():
     result = matched((0.9, 0.0, 0.5), **ALONG_X)
     gated = gate(result, EXPECTED, MotionConfig(is_fused=False))
     np.testing.assert_array_equal(gated.pose_keyframe_scan.pose, result.pose)
-    np.testing.assert_array_equal(gated.pose_keyframe_scan.cov, result.covariance)
+    np.testing.assert_array_equal(gated.pose_keyframe_scan.covariance, result.covariance)
 
 
 def test_the_reference_in_use_is_left_only_for_a_better_match():
@@ -189,7 +189,7 @@ def test_the_gate_is_as_wide_as_its_chi_square(squared_distance, is_plausible):
 def test_what_a_rejected_match_leaves_open_is_known_no_better_than_after_a_failure():
     gated = gate(matched((0.1, 0.5, 0.05), **ALONG_X), EXPECTED, CONFIG)
     assert not gated.is_plausible
-    along = math.sqrt(gated.pose_keyframe_scan.cov[0, 0])
+    along = math.sqrt(gated.pose_keyframe_scan.covariance[0, 0])
     assert along == pytest.approx(CONFIG.recovery_sigma_m, rel=0.05)
 
 
@@ -218,7 +218,7 @@ def test_what_the_scans_say_without_a_guess_counts_where_it_is_expected():
     gated = gate(result, EXPECTED, CONFIG, measured=seen)
     assert gated.measured is seen
     assert gated.pose_keyframe_scan.pose[0] == pytest.approx(0.14, abs=1e-3)
-    far = UncertainPose(np.array([0.9, 0.0, 0.05]), seen.cov)
+    far = UncertainPose(np.array([0.9, 0.0, 0.05]), seen.covariance)
     gated = gate(result, EXPECTED, CONFIG, measured=far)
     assert gated.pose_keyframe_scan.pose[0] == pytest.approx(0.1, abs=1e-3)
 

@@ -18,11 +18,13 @@ def test_from_an_earlier_keyframe_a_place_errs_by_the_way_since():
     found = here.relative_to(last.keyframe)
     way = compose(STEP, STEP)
     np.testing.assert_allclose(found.pose, way.pose, atol=1e-12)
-    np.testing.assert_allclose(found.cov, way.cov, rtol=1e-9)
+    np.testing.assert_allclose(found.covariance, way.covariance, rtol=1e-9)
     assert here.relative_to(here.keyframe) is STEP
 
 
 def test_a_share_of_a_measured_variance_stays():
     for is_measured, share in ((True, 0.25), (False, 1.0)):
         here = Localization(keyframe=FIRST, pose_keyframe_scan=STEP, is_measured=is_measured)
-        np.testing.assert_allclose(here.as_keyframe(None, 1, 0.25).pose_map_keyframe.cov, share * STEP.cov)
+        np.testing.assert_allclose(
+            here.as_keyframe(None, 1, 0.25).pose_map_keyframe.covariance, share * STEP.covariance
+        )

@@ -143,7 +143,7 @@ def test_along_a_bare_corridor_nothing_is_measured():
     result = MATCHER.match(one, other, None)
     assert result.degenerate_direction is not None
     assert unguided_measurement(result) is None
-    assert as_measurement(result).cov[0, 0] > 50.0**2
+    assert as_measurement(result).covariance[0, 0] > 50.0**2
 
 
 def test_along_a_corridor_with_recesses_the_scans_say_where_without_a_guess():
@@ -160,6 +160,6 @@ def test_along_a_corridor_with_recesses_the_scans_say_where_without_a_guess():
             continue
         n_measured += 1
         off = measured.pose - cs.se2.between(*poses)
-        assert math.sqrt(measured.cov[0, 0]) < 0.25
-        assert abs(off[0]) < 5.0 * math.sqrt(measured.cov[0, 0])
+        assert math.sqrt(measured.covariance[0, 0]) < 0.25
+        assert abs(off[0]) < 5.0 * math.sqrt(measured.covariance[0, 0])
     assert n_measured >= 5

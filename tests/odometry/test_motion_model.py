@@ -36,20 +36,20 @@ def test_the_last_motion_is_expected_again():
 def test_a_prediction_changes_nothing():
     model = steady(n=20)
     first, second = model.predict(2.0, np.ones(3)), model.predict(2.0, np.ones(3))
-    np.testing.assert_array_equal(first.motion.cov, second.motion.cov)
+    np.testing.assert_array_equal(first.motion.covariance, second.motion.covariance)
     assert first.deskewer == second.deskewer
     assert model.odometry_pose is None
 
 
 def test_a_steady_motion_is_expected_ever_more_surely_and_a_jerky_one_less():
     config = MotionConfig()
-    cov = steady(n=100).predict(10.0, None).motion.cov
+    cov = steady(n=100).predict(10.0, None).motion.covariance
     assert math.sqrt(cov[0, 0]) == pytest.approx(config.least_sigma_m, rel=0.01)
     assert math.sqrt(cov[2, 2]) == pytest.approx(config.least_sigma_m, rel=0.01)
     jerky = MotionModel.at_start(config)
     for k in range(100):
-        jerky = updated(jerky, 0.1 * k, UncertainPose((-1) ** k * SEEN.pose, SEEN.cov))
-    cov = jerky.predict(10.0, None).motion.cov
+        jerky = updated(jerky, 0.1 * k, UncertainPose((-1) ** k * SEEN.pose, SEEN.covariance))
+    cov = jerky.predict(10.0, None).motion.covariance
     # a change of 0.2 m and 0.1 rad each step
     assert math.sqrt(cov[0, 0]) == pytest.approx(0.2 / math.sqrt(2), rel=0.1)
     assert math.sqrt(cov[2, 2]) == pytest.approx(0.1, rel=0.1)
@@ -57,17 +57,17 @@ def test_a_steady_motion_is_expected_ever_more_surely_and_a_jerky_one_less():
 
 def test_a_long_pause_makes_less_certain_and_a_clock_that_goes_back_does_not():
     model = steady(n=50)
-    after = np.trace(model.predict(5.0 + 0.8, None).motion.cov)
-    before = np.trace(model.predict(5.0, None).motion.cov)
+    after = np.trace(model.predict(5.0 + 0.8, None).motion.covariance)
+    before = np.trace(model.predict(5.0, None).motion.covariance)
     assert after > 20 * before
-    backwards = np.trace(model.predict(1.0, None).motion.cov)
+    backwards = np.trace(model.predict(1.0, None).motion.covariance)
     assert backwards == pytest.approx(before, rel=1e-6)
 
 
 def test_a_pause_counts_as_twenty_scans_at_most():
     model = steady(n=50)
     sigma_1, sigma_19, sigma_25, sigma_500 = (
-        math.sqrt(model.predict(4.9 + 0.1 * n, None).motion.cov[0, 0]) for n in (1, 19, 25, 500)
+        math.sqrt(model.predict(4.9 + 0.1 * n, None).motion.covariance[0, 0]) for n in (1, 19, 25, 500)
     )
     assert sigma_19 == pytest.approx(19 * sigma_1, rel=0.01)
     assert sigma_25 == sigma_500 == pytest.approx(20 * sigma_1, rel=0.01)
@@ -75,9 +75,9 @@ def test_a_pause_counts_as_twenty_scans_at_most():
 
 def test_one_leap_is_no_habit():
     model = steady(n=100)
-    before = model.predict(10.0, None).motion.cov
-    after = updated(model, 10.0, UncertainPose(np.array([1.1, 0.01, 0.55]), SEEN.cov))
-    cov = after.predict(10.1, None).motion.cov
+    before = model.predict(10.0, None).motion.covariance
+    after = updated(model, 10.0, UncertainPose(np.array([1.1, 0.01, 0.55]), SEEN.covariance))
+    cov = after.predict(10.1, None).motion.covariance
     # a leap of many standard deviations counts as one at the gate: the mean over 20 steps at most doubles
     for k in (0, 2):
         assert 1.5 * before[k, k] < cov[k, k] < 2.1 * before[k, k]
@@ -88,13 +88,13 @@ def test_what_no_match_shows_is_expected_less_surely_with_each_step():
     sigmas = []
     for k in range(5):
         expected = model.predict(0.1 * k, None).motion
-        sigmas.append(expected.cov[0, 0])
+        sigmas.append(expected.covariance[0, 0])
         model = updated(model, 0.1 * k, expected, is_fully_observed=False)
     assert (np.diff(sigmas) > 0.009).all()
 
 
 def test_the_motion_that_was_found_is_expected_next_however_it_leaps():
-    leap = UncertainPose(np.array([2.0, 0.0, 1.0]), SEEN.cov)
+    leap = UncertainPose(np.array([2.0, 0.0, 1.0]), SEEN.covariance)
     np.testing.assert_array_equal(updated(steady(), 0.1, leap).predict(0.2, None).motion.pose, leap.pose)
 
 
@@ -116,8 +116,8 @@ def test_wheels_are_taken_as_far_as_they_are_known():
     expected = prediction.motion
     np.testing.assert_allclose(expected.pose, [0.2 * math.sin(0.5), 0.2 * math.cos(0.5), 0.0], atol=1e-12)
     config = MotionConfig()
-    assert expected.cov[0, 0] == pytest.approx(0.003**2 + (config.wheel_share * 0.2) ** 2)
-    assert expected.cov[2, 2] == pytest.approx(0.003**2 + (config.wheel_share * 0.2) ** 2)
+    assert expected.covariance[0, 0] == pytest.approx(0.003**2 + (config.wheel_share * 0.2) ** 2)
+    assert expected.covariance[2, 2] == pytest.approx(0.003**2 + (config.wheel_share * 0.2) ** 2)
     # wheels go on measuring where matches fail: the sensor is not taken to stand
     for _ in range(20):
         model = model.updated_without_match(prediction, expected)
@@ -128,8 +128,8 @@ def test_a_gyro_measures_the_turn_alone():
     model = updated(steady(), 0.1, odometry_pose=np.array([np.nan, np.nan, 3.1]))
     expected = model.predict(0.2, np.array([np.nan, np.nan, -3.1])).motion
     np.testing.assert_allclose(expected.pose, [0.1, 0.01, 2 * np.pi - 6.2], atol=1e-12)
-    assert expected.cov[2, 2] < 0.03**2
-    assert expected.cov[0, 0] > 0.05**2
+    assert expected.covariance[2, 2] < 0.03**2
+    assert expected.covariance[0, 0] > 0.05**2
 
 
 def test_wheels_that_fail_for_a_scan_are_done_without():
@@ -144,9 +144,9 @@ def test_the_noise_of_wheels_is_learnt_from_what_the_matches_measure():
         model, pose = steady(), np.zeros(3)
         for k in range(60):
             pose = pose + np.array([SEEN.pose[0] + (-1) ** k * slip, 0.0, 0.0])
-            straight = UncertainPose(np.array([SEEN.pose[0], 0.0, 0.0]), SEEN.cov)
+            straight = UncertainPose(np.array([SEEN.pose[0], 0.0, 0.0]), SEEN.covariance)
             model = updated(model, 0.1 * k, straight, odometry_pose=pose)
-        cov = model.predict(6.0, pose + np.array([0.1, 0.0, 0.0])).motion.cov
+        cov = model.predict(6.0, pose + np.array([0.1, 0.0, 0.0])).motion.covariance
         usual = 0.003**2 + (0.1 * 0.1) ** 2
         assert bool(cov[0, 0] > 4.0 * usual) is is_worse
         assert bool(cov[0, 0] < 0.2 * usual) is not is_worse
@@ -157,7 +157,7 @@ def rolled(scale, way=SEEN.pose[0], slips=()):
     model, pose = steady(), np.zeros(3)
     for k in range(200):
         pose = pose + np.array([scale * way + (k in slips), 0.0, 0.0])
-        model = updated(model, 0.1 * k, UncertainPose(np.array([way, 0.0, 0.0]), SEEN.cov), odometry_pose=pose)
+        model = updated(model, 0.1 * k, UncertainPose(np.array([way, 0.0, 0.0]), SEEN.covariance), odometry_pose=pose)
     return model, pose
 
 
@@ -187,10 +187,10 @@ def test_the_covariance_by_wheels_is_that_of_the_configuration():
     along = 0.003**2 + (config.wheel_share * 0.5) ** 2
     drift, share = config.wheel_share * 0.5, config.wheel_turn_share * 0.2
     turn = 0.003**2 + share**2 + drift**2
-    np.testing.assert_allclose(prediction.motion.cov, np.diag([along, along, turn]), rtol=1e-12)
+    np.testing.assert_allclose(prediction.motion.covariance, np.diag([along, along, turn]), rtol=1e-12)
     # of a gyro alone: no path, no drift
     model = updated(steady(), 0.1, odometry_pose=np.array([np.nan, np.nan, 0.0]))
-    cov = model.predict(0.2, np.array([np.nan, np.nan, 0.2])).motion.cov
+    cov = model.predict(0.2, np.array([np.nan, np.nan, 0.2])).motion.covariance
     assert cov[2, 2] == pytest.approx(0.003**2 + share**2, rel=1e-12)
 
 
@@ -202,14 +202,14 @@ def test_how_far_a_sensor_gets_unseen_follows_from_the_time():
     """One metre a second and two radians, and the motion itself, as a scan may be missing; half a second at most."""
     still = MotionModel.at_start(MotionConfig())
     for k in range(10):
-        still = updated(still, 0.1 * k, UncertainPose(np.zeros(3), SEEN.cov))
+        still = updated(still, 0.1 * k, UncertainPose(np.zeros(3), SEEN.covariance))
     np.testing.assert_allclose(recovery_sigmas(still, 1.0), [0.1, 0.1, 0.2], rtol=1e-9)
     np.testing.assert_allclose(recovery_sigmas(still, 1.2), [0.3, 0.3, 0.6], rtol=1e-9)
     np.testing.assert_allclose(recovery_sigmas(still, 9.0), [0.5, 0.5, 1.0], rtol=1e-9)
     np.testing.assert_allclose(recovery_sigmas(still, 0.9), [0.1, 0.1, 0.2], rtol=1e-9)  # written in bursts
-    failed = still.updated_without_match(still.predict(1.0, None), UncertainPose(np.zeros(3), SEEN.cov))
+    failed = still.updated_without_match(still.predict(1.0, None), UncertainPose(np.zeros(3), SEEN.covariance))
     np.testing.assert_allclose(recovery_sigmas(failed, 1.1), [0.2, 0.2, 0.4], rtol=1e-9)
-    moving = updated(still, 1.0, UncertainPose(np.array([0.12, -0.16, 0.3]), SEEN.cov))
+    moving = updated(still, 1.0, UncertainPose(np.array([0.12, -0.16, 0.3]), SEEN.covariance))
     np.testing.assert_allclose(recovery_sigmas(moving, 1.1), [0.3, 0.3, 0.5], rtol=1e-9)
     assert [moving.predict(stamp, None).reach for stamp in (1.1, 3.0)] == pytest.approx([0.3, 2.2])
     np.testing.assert_allclose(moving.predict(1.3, None).onward, 2.0 * moving.last.pose)  # two scans are missing
@@ -225,9 +225,9 @@ def test_the_noise_of_wheels_after_one_error_of_theirs():
     config = MotionConfig()
     model = updated(steady(), 0.1, odometry_pose=np.zeros(3))
     prediction = model.predict(0.2, np.array([0.1, 0.0, 0.0]))
-    cov = prediction.motion.cov
+    cov = prediction.motion.covariance
     for error in (np.array([0.01, 0.012, 0.015]), np.array([0.2, 0.3, 0.01])):  # the second is more than two sigma off
-        found = UncertainPose(prediction.motion.pose + error, SEEN.cov)
+        found = UncertainPose(prediction.motion.pose + error, SEEN.covariance)
         square = 0.5 * (error[0] ** 2 + error[1] ** 2) / cov[0, 0], error[2] ** 2 / cov[2, 2]
         for learned, one in zip(
             model.updated(prediction, found, is_fully_observed=True).odometry_noise, square, strict=True
@@ -239,7 +239,7 @@ def test_the_noise_of_wheels_after_one_error_of_theirs():
         model = steady()
         for k in range(400):
             prediction = model.predict(0.1 * k, np.array([0.1 * k, 0.0, 0.0]))
-            motion = UncertainPose(prediction.motion.pose + np.array(off), SEEN.cov)
+            motion = UncertainPose(prediction.motion.pose + np.array(off), SEEN.covariance)
             model = model.updated(prediction, motion, is_fully_observed=True)
         assert model.odometry_noise == pytest.approx(limit, rel=0.05)
 
@@ -257,7 +257,7 @@ def test_turns_come_back_to_what_was_expected_of_them_before_any_was_seen():
 def test_a_change_of_the_motion_counts_along_both_axes():
     config = MotionConfig()
     model = steady()
-    moved = UncertainPose(SEEN.pose + np.array([0.01, 0.05, 0.0]), SEEN.cov)
+    moved = UncertainPose(SEEN.pose + np.array([0.01, 0.05, 0.0]), SEEN.covariance)
     square = 0.5 * (0.01**2 + 0.05**2)
     before = model.variance_translation
     after = updated(model, 0.1, moved).variance_translation
@@ -320,5 +320,5 @@ def test_wheels_that_stand_are_believed_where_nothing_matches_for_long_or_the_se
     np.testing.assert_allclose(
         se2.compose(se2.exp(2.0 * se2.log(DRIVING.pose)), back.motion.pose), np.zeros(3), atol=1e-9
     )
-    still, wheels = driven(20, UncertainPose(np.zeros(3), DRIVING.cov))
+    still, wheels = driven(20, UncertainPose(np.zeros(3), DRIVING.covariance))
     assert still.predict(2.0, wheels).is_measured

@@ -28,17 +28,17 @@ def test_chain_is_se2s_composition(a, b):
     ab, bc = draw(a), draw(b)
     ac = compose(ab, bc)
     np.testing.assert_allclose(ac.pose, se2.compose(ab.pose, bc.pose), atol=1e-12)
-    expected = compose_covariance(ab.pose, ab.cov, bc.pose, bc.cov)
-    np.testing.assert_allclose(ac.cov, expected, rtol=1e-9, atol=1e-12)
-    np.testing.assert_array_equal(ac.cov, ac.cov.T)
+    expected = compose_covariance(ab.pose, ab.covariance, bc.pose, bc.covariance)
+    np.testing.assert_allclose(ac.covariance, expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(ac.covariance, ac.covariance.T)
 
 
 @given(seeds)
 def test_invert_is_se2s_inverse(a):
     ab = draw(a)
     np.testing.assert_allclose(inverse(ab).pose, se2.inverse(ab.pose), atol=1e-12)
-    expected = inverse_covariance(ab.pose, ab.cov)
-    np.testing.assert_allclose(inverse(ab).cov, expected, rtol=1e-9, atol=1e-12)
+    expected = inverse_covariance(ab.pose, ab.covariance)
+    np.testing.assert_allclose(inverse(ab).covariance, expected, rtol=1e-9, atol=1e-12)
 
 
 @given(seeds, seeds)
@@ -46,37 +46,37 @@ def test_between_undoes_compose(a, b):
     ab, bc = draw(a), draw(b)
     again = between(ab, compose(ab, bc))
     np.testing.assert_allclose(again.pose, bc.pose, atol=1e-9)
-    size = np.abs(compose(ab, bc).cov).max()  # what is subtracted again loses its last digits
-    np.testing.assert_allclose(again.cov, bc.cov, atol=1e-12 * size + 1e-12)
+    size = np.abs(compose(ab, bc).covariance).max()  # what is subtracted again loses its last digits
+    np.testing.assert_allclose(again.covariance, bc.covariance, atol=1e-12 * size + 1e-12)
 
 
 @given(seeds, seeds)
 def test_fusion_is_the_information_filter(a, b):
     """Twin: the sum of the two informations, solved by NumPy."""
     one = draw(a)
-    other = UncertainPose(one.pose + 0.1 * draw(b).pose / 5.0, draw(b).cov)
+    other = UncertainPose(one.pose + 0.1 * draw(b).pose / 5.0, draw(b).covariance)
     fused, distance = fuse(one, other)
     apart = other.pose - one.pose
     apart[2] = se2.wrap(apart[2])
-    total = one.cov + other.cov
+    total = one.covariance + other.covariance
     # 1e-4: cofactors of a nearly singular sum, whose variances span eight orders of magnitude
     np.testing.assert_allclose(distance, apart @ np.linalg.solve(total, apart), rtol=1e-4)
-    expected = one.cov - one.cov @ np.linalg.solve(total, one.cov)
-    np.testing.assert_allclose(fused.cov, expected, rtol=1e-4, atol=1e-7)
+    expected = one.covariance - one.covariance @ np.linalg.solve(total, one.covariance)
+    np.testing.assert_allclose(fused.covariance, expected, rtol=1e-4, atol=1e-7)
     pull = fused.pose - one.pose
     pull[2] = se2.wrap(pull[2])
-    np.testing.assert_allclose(pull, one.cov @ np.linalg.solve(total, apart), rtol=1e-4, atol=1e-7)
-    assert np.linalg.eigvalsh(fused.cov).min() > 0.0
+    np.testing.assert_allclose(pull, one.covariance @ np.linalg.solve(total, apart), rtol=1e-4, atol=1e-7)
+    assert np.linalg.eigvalsh(fused.covariance).min() > 0.0
 
 
 @given(seeds)
 def test_fusion_takes_both_alike(a):
     one = draw(a)
-    other = UncertainPose(one.pose + np.array([0.02, -0.01, 0.03]), draw(a + 1).cov)
+    other = UncertainPose(one.pose + np.array([0.02, -0.01, 0.03]), draw(a + 1).covariance)
     (left, d_left), (right, d_right) = fuse(one, other), fuse(other, one)
     np.testing.assert_allclose(se2.wrap((left.pose - right.pose)[2]), 0.0, atol=1e-7)
     np.testing.assert_allclose(left.pose[:2], right.pose[:2], atol=1e-7)
-    np.testing.assert_allclose(left.cov, right.cov, rtol=1e-4, atol=1e-7)
+    np.testing.assert_allclose(left.covariance, right.covariance, rtol=1e-4, atol=1e-7)
     assert d_left == pytest.approx(d_right, rel=1e-6)
 
 
@@ -85,7 +85,7 @@ def test_where_one_leaves_a_direction_open_the_other_decides():
     across = UncertainPose(np.array([2.0, 0.5, 0.1]), np.diag([0.1**2, 100.0, 100.0]))
     fused, _ = fuse(along, across)
     np.testing.assert_allclose(fused.pose, [2.0, 0.0, 0.0], atol=1e-5)
-    np.testing.assert_allclose(np.diag(fused.cov), [0.01, 1e-6, 1e-6], rtol=1e-4)
+    np.testing.assert_allclose(np.diag(fused.covariance), [0.01, 1e-6, 1e-6], rtol=1e-4)
 
 
 def test_fusion_goes_the_short_way_round():
@@ -100,4 +100,4 @@ def test_identity_is_the_unit_of_composition():
     ab = draw(3)
     for pose in (compose(identity(), ab), compose(ab, identity())):
         np.testing.assert_allclose(pose.pose, ab.pose, atol=1e-15)
-        np.testing.assert_allclose(pose.cov, ab.cov, rtol=1e-12)
+        np.testing.assert_allclose(pose.covariance, ab.covariance, rtol=1e-12)

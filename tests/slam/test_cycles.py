@@ -22,7 +22,7 @@ def _by_graph(a: int, b: int, poses: Pose, motions: Cov) -> UncertainPose:
         way = compose(way, UncertainPose(se2.between(poses[k - 1], poses[k]), motions[k]))
     if a > b:
         way = inverse(way)
-    return UncertainPose(pose, way.cov + n_edges * _SPREAD)
+    return UncertainPose(pose, way.covariance + n_edges * _SPREAD)
 
 
 def _twin(ends: np.ndarray, measured: Pose, covariances: Cov, poses: Pose, motions: Cov) -> np.ndarray:
@@ -37,7 +37,7 @@ def _twin(ends: np.ndarray, measured: Pose, covariances: Cov, poses: Pose, motio
             # the constant motion that leads from one to the other, as it moves the whole plane
             x, y, turn = se2.log(se2.compose(other.pose, se2.inverse(around.pose)))
             off = np.array([x - around.pose[1] * turn, y + around.pose[0] * turn, turn])
-            found[a, b] = found[b, a] = off @ np.linalg.solve(around.cov + other.cov, off)
+            found[a, b] = found[b, a] = off @ np.linalg.solve(around.covariance + other.covariance, off)
     return found
 
 

@@ -120,7 +120,7 @@ def test_what_came_since_the_last_optimization_is_known_by_the_way_between(scans
     rows = np.array([0, 2, 4, 5])
     relative, covariances = growing.seen_from(rows)
     np.testing.assert_allclose(relative, cs.se2.between(growing.graph.poses[rows], growing.graph.poses[6]))
-    np.testing.assert_allclose(covariances[3], growing.along(5)[0].cov)
+    np.testing.assert_allclose(covariances[3], growing.along(5)[0].covariance)
     # of those before, what is known of the last one comes first
-    np.testing.assert_allclose(covariances[2], growing.since.cov, atol=1e-12)
+    np.testing.assert_allclose(covariances[2], growing.since.covariance, atol=1e-12)
     assert np.trace(covariances[1]) > np.trace(covariances[2])

@@ -102,7 +102,7 @@ def test_walls_hold_a_scan_along_what_its_matches_leave_open(stored: SlamMap, mo
     def slid(*args: Any, **options: Any) -> tuple[list[Hit], bool]:
         hits, is_due = around(*args, **options)
         away, open_x = np.array([0.4, 0.0, 0.0]), np.diag([100.0, 0.0, 0.0])
-        moved = [UncertainPose(hit.here.pose + away, hit.here.cov + open_x) for hit in hits]
+        moved = [UncertainPose(hit.here.pose + away, hit.here.covariance + open_x) for hit in hits]
         return [hit._replace(here=here) for hit, here in zip(hits, moved, strict=True)], is_due
 
     monkeypatch.setattr(localizer._matching, "around", slid)

@@ -52,7 +52,7 @@ def odometry_message(stamp: Time, state: object, odom_frame: str, base_frame: st
     x, y, theta = state.odom_base.pose.tolist()
     message.pose.pose.position.x, message.pose.pose.position.y = x, y
     message.pose.pose.orientation = quaternion_of(theta)
-    message.pose.covariance = six_by_six(state.odom_base.cov)
+    message.pose.covariance = six_by_six(state.odom_base.covariance)
     vx, vy, omega = state.twist.tolist()
     message.twist.twist.linear.x, message.twist.twist.linear.y = vx, vy
     message.twist.twist.angular.z = omega
@@ -98,7 +98,7 @@ def pose_message(stamp: Time, here: UncertainPose, map_frame: str) -> PoseWithCo
     x, y, theta = here.pose.tolist()
     message.pose.pose.position.x, message.pose.pose.position.y = x, y
     message.pose.pose.orientation = quaternion_of(theta)
-    message.pose.covariance = six_by_six(here.cov)
+    message.pose.covariance = six_by_six(here.covariance)
     return message
 
 

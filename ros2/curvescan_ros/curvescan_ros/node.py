@@ -266,7 +266,7 @@ class CurvescanNode(LifecycleNode):
         base, self._initial = self._initial, None
         assert base is not None
         try:
-            if np.isnan(base.cov).any():
+            if np.isnan(base.covariance).any():
                 laser = se2.compose(base.pose, self._motion.mount), None
             else:
                 laser = uncertain.compose(base, UncertainPose(self._motion.mount, np.zeros((3, 3))))

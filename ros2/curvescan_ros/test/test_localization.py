@@ -77,7 +77,7 @@ def test_an_initial_pose_from_rviz_decides(bench, drive, tmp_path, name):
         assert message.header.frame_id == "map"
         here = initial_pose_of(message)
         assert np.hypot(*(here.pose - pose)[:2]) < 0.15
-        assert (np.linalg.eigvalsh(here.cov) > 0.0).all()
+        assert (np.linalg.eigvalsh(here.covariance) > 0.0).all()
 
 
 def test_a_map_of_map_server_is_localized_in_when_it_comes(bench, drive, tmp_path):

@@ -123,7 +123,7 @@ def ask_match(slam_map: SlamMap, i: int, j: int) -> tuple[MatchResult, Edit | No
     result = match(slam_map.scans[i], slam_map.scans[j])
     if not result.ok:
         return result, None
-    pose, covariance = result.pose.tolist(), NOISE.edge(as_measurement(result).cov).ravel().tolist()
+    pose, covariance = result.pose.tolist(), NOISE.edge(as_measurement(result).covariance).ravel().tolist()
     return result, Edit(do="add", i=i, j=j, pose=tuple(pose), covariance=tuple(covariance))
 
 

@@ -95,7 +95,7 @@ def _matches(one: SlamMap, other: SlamMap) -> tuple[Ints, Pose, Cov, Floats]:
             if result.ok and result.degenerate_direction is None:
                 pairs.append((i, j))
                 poses.append(result.pose)
-                covariances.append(NOISE.edge(as_measurement(result).cov))
+                covariances.append(NOISE.edge(as_measurement(result).covariance))
                 confidence.append(result.confidence)
     ends = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     return ends, np.reshape(poses, (-1, 3)), np.reshape(covariances, (-1, 3, 3)), np.array(confidence)

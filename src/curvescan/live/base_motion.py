@@ -53,13 +53,13 @@ class BaseMotion:
         twist, covariance = np.zeros(3), np.diag([UNKNOWN] * 3)
         if self._stamp is not None and stamp > self._stamp:
             seconds = stamp - self._stamp
-            twist, covariance = se2.log(moved.pose) / seconds, moved.cov / seconds**2
+            twist, covariance = se2.log(moved.pose) / seconds, moved.covariance / seconds**2
         self._stamp = stamp
         # the chain leaves out where odometry leapt back from its drift: that much it is known to be wrong
         known = self.on_base(UncertainPose(step.pose_odom, step.covariance_odom))
         leap = self._odom_base.pose - known.pose
         leap[2] = se2.wrap(leap[2])
-        odom_base = UncertainPose(self._odom_base.pose, known.cov + np.outer(leap, leap))
+        odom_base = UncertainPose(self._odom_base.pose, known.covariance + np.outer(leap, leap))
         if np.isfinite(step.pose).all():  # NaN until the laser has been found in the map
             base_in_map = self.on_base(UncertainPose(step.pose, _NOWHERE)).pose
             self._map_odom = se2.compose(base_in_map, se2.inverse(odom_base.pose))

@@ -49,7 +49,7 @@ class MessageSink(MapSink):
         if self._is_mapped and state.map_odom is not None:
             edges.append((MAP_FRAME, ODOM_FRAME, state.map_odom))
         self._send(SCAN_TOPIC, builder.laser_scan(tracked.scan)[0])
-        self._send(ODOM_TOPIC, builder.odometry(stamp, odom.pose, odom.cov, **twist))
+        self._send(ODOM_TOPIC, builder.odometry(stamp, odom.pose, odom.covariance, **twist))
         self._send(TF_TOPIC, builder.transforms(stamp, edges))
         self._map.add(tracked)
         if self._maps.is_due:

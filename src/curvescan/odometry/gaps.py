@@ -93,9 +93,9 @@ def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMa
     best, said, keyframe = None, -CERTAIN, gap.before[0]
     for one in gap.before:
         expected = placement.localization.relative_to(one)
-        expected = UncertainPose(expected.pose, expected.cov + o.prediction.recovery)
+        expected = UncertainPose(expected.pose, expected.covariance + o.prediction.recovery)
         # the expectation is the same in all matches of a gap, and must not count in each
-        known = UncertainPose(expected.pose, WIDE_PRIOR.cov)
+        known = UncertainPose(expected.pose, WIDE_PRIOR.covariance)
         result = o.matching.matcher.match(one.scan.features, placement.current.features, known)
         gated = gate(result, expected, o.prediction, o.config.motion)
         if gated.is_plausible and (best is None or result.confidence > best.result.confidence):
@@ -111,13 +111,13 @@ def _lost(placement: Placement, gap: Gap) -> Placement:
     here, motion = placement.localization.pose_keyframe_scan, placement.step_motion
     keyframe = placement.localization.keyframe
     if keyframe.index < gap.first:
-        here = UncertainPose(here.pose, here.cov + LOST_COVARIANCE)
+        here = UncertainPose(here.pose, here.covariance + LOST_COVARIANCE)
     else:  # it is of the new track, and is disconnected with it
         pose, cov = keyframe.pose_map_keyframe
         keyframe = replace(keyframe, pose_map_keyframe=UncertainPose(pose, cov + LOST_COVARIANCE))
     return placement._replace(
         outcome=StepOutcome.LOST,
         localization=Localization(keyframe=keyframe, pose_keyframe_scan=here),
-        step_motion=UncertainPose(motion.pose, motion.cov + LOST_COVARIANCE),
+        step_motion=UncertainPose(motion.pose, motion.covariance + LOST_COVARIANCE),
         gap=None,
     )

@@ -112,12 +112,12 @@ def gate(
     fused, distance = fuse(expected, found)
     if distance <= config.motion_gate_chi2:
         return GatedMatch(result, fused, True, found)
-    fused, leap = fuse(UncertainPose(expected.pose, expected.cov + prediction.recovery), found)
+    fused, leap = fuse(UncertainPose(expected.pose, expected.covariance + prediction.recovery), found)
     if _SUDDEN * _shift(expected, found, prediction) <= log_odds(result.confidence, unknown=CERTAIN):
         return GatedMatch(result, fused, False, found, leap)
     off = found.pose[:2] - expected.pose[:2]
     way = np.array([*off, 0.0]) / math.hypot(*off)
-    found = UncertainPose(found.pose, found.cov + _OPEN**2 * np.outer(way, way))
+    found = UncertainPose(found.pose, found.covariance + _OPEN**2 * np.outer(way, way))
     result = replace(result, degenerate_direction=way)
     return GatedMatch(result, fuse(expected, found)[0], False, found, leap, is_opened=True)
 
@@ -128,7 +128,7 @@ def _shift(expected: UncertainPose, found: UncertainPose, prediction: Prediction
     onward = se2.compose(np.array([0.0, 0.0, heading]), prediction.onward)[:2]
     if onward.any():  # anywhere between is as likely
         off = off - np.clip(off @ onward / (onward @ onward), 0.0, 1.0) * onward
-    cov = expected.cov[:2, :2] + found.cov[:2, :2] + prediction.reach**2 * np.eye(2)
+    cov = expected.covariance[:2, :2] + found.covariance[:2, :2] + prediction.reach**2 * np.eye(2)
     return float(off @ np.linalg.solve(cov, off))
 
 
@@ -186,8 +186,8 @@ class Matching:
         measured = None
         if motion.is_fused:
             result = decided_by_expectation(result, expected, motion)
-            way = result.degenerate_direction
-            if way is not None and way[:2] @ expected.cov[:2, :2] @ way[:2] > _VAGUE_SIGMA**2 * (way[:2] @ way[:2]):
+            way, cov = result.degenerate_direction, expected.covariance[:2, :2]
+            if way is not None and way[:2] @ cov @ way[:2] > _VAGUE_SIGMA**2 * (way[:2] @ way[:2]):
                 # without a guess, where the scans do not show by themselves the place along the open direction
                 is_own = not result.is_guess_decisive and _n_known(result.candidates[0]) == 3
                 own = result if is_own else self.matcher.match(reference.features, current.features, None)

@@ -89,7 +89,7 @@ class MotionModel(NamedTuple):
         stretch = min(deskewer.n_steps, _MAX_STRETCH)
         # since the last match; a clock that stands tells nothing
         seconds = max(deskewer.elapsed, deskewer.period) * (1 + self.n_failures) if deskewer.period else math.inf
-        pose, cov = self.last.pose.copy(), self.last.cov.copy()
+        pose, cov = self.last.pose.copy(), self.last.covariance.copy()
         cov[0, 0] += stretch**2 * self.variance_translation
         cov[1, 1] += stretch**2 * self.variance_translation
         cov[2, 2] += stretch**2 * self.variance_turn
@@ -175,7 +175,7 @@ class MotionModel(NamedTuple):
     def _learned_noise(self, prediction: Prediction, motion: Pose) -> tuple[float, float]:
         """Return the noise of the other odometry after one more error of it."""
         x, y, theta = se2.between(prediction.motion.pose, motion).tolist()
-        cov, memory = prediction.motion.cov, self.config.memory
+        cov, memory = prediction.motion.covariance, self.config.memory
         errors = (0.5 * (x * x + y * y) / cov[0, 0], theta * theta / cov[2, 2])
         translation, turn = (
             max(old * (1.0 + (min(error, _MOST_ERROR) - 1.0) / memory), _LEAST_NOISE)
@@ -188,7 +188,7 @@ class MotionModel(NamedTuple):
         by_matches, by_wheels = self.ways
         (x, y, _), off = prediction.motion.pose.tolist(), motion[:2] - prediction.motion.pose[:2]
         path = math.hypot(x, y)
-        if not path > 0.0 or 0.5 * float(off @ off) > self.config.motion_gate_chi2 * prediction.motion.cov[0, 0]:
+        if not path > 0.0 or 0.5 * float(off @ off) > self.config.motion_gate_chi2 * prediction.motion.covariance[0, 0]:
             return self.ways
         return by_matches + (x * motion[0] + y * motion[1]) / path, by_wheels + path * by_wheels / by_matches
 

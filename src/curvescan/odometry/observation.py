@@ -47,7 +47,7 @@ class Localization(NamedTuple):
     def as_keyframe(self, scan: PreparedScan, index: int, variance_retained: float) -> Keyframe:
         """Return a keyframe at this place; of the variance that a match measured a share is retained."""
         share = variance_retained if self.is_measured else 1.0
-        here = UncertainPose(self.pose_keyframe_scan.pose, share * self.pose_keyframe_scan.cov)
+        here = UncertainPose(self.pose_keyframe_scan.pose, share * self.pose_keyframe_scan.covariance)
         return Keyframe(scan=scan, index=index, pose_map_keyframe=compose(self.keyframe.pose_map_keyframe, here))
 
 

@@ -131,7 +131,7 @@ class Step:
 def between_steps(origin: Step, step: Step) -> UncertainPose:
     """Return the pose of a step in the frame of an earlier one, with what was added to the covariance since."""
     found = between(UncertainPose(origin.pose, origin.covariance), UncertainPose(step.pose, step.covariance))
-    values, vectors = np.linalg.eigh(found.cov)
+    values, vectors = np.linalg.eigh(found.covariance)
     if values[0] > 0.0:
         return found
     # the two hang on one keyframe, or a stretch was settled since: the poses then differ by what was put right

@@ -88,7 +88,7 @@ def _track(o: Observation, last: Localization, attempt: _Attempt) -> Placement |
     expected = o.prediction.repeated if gated.is_by_last_motion else o.prediction.motion
     measured = compose(inverse(attempt.origin), gated.measured)
     if not gated.is_plausible and not gated.is_opened:
-        expected = UncertainPose(expected.pose, expected.cov + o.prediction.recovery)
+        expected = UncertainPose(expected.pose, expected.covariance + o.prediction.recovery)
     motion = fuse(expected, measured)[0]
     localization = Localization(
         keyframe=keyframe, pose_keyframe_scan=gated.pose_keyframe_scan, is_measured=gated.is_fully_observed
@@ -99,7 +99,7 @@ def _track(o: Observation, last: Localization, attempt: _Attempt) -> Placement |
         current=attempt.current,
         motion=o.state.motion.updated(o.prediction, motion, is_fully_observed=gated.is_fully_observed),
         # as the poses have it
-        step_motion=UncertainPose(se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose), motion.cov),
+        step_motion=UncertainPose(se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose), motion.covariance),
         gap=o.state.gap,
         match=result,
         is_prior_rejected=gated.is_prior_rejected,
@@ -117,7 +117,7 @@ def _track(o: Observation, last: Localization, attempt: _Attempt) -> Placement |
 def _extrapolate(o: Observation, last: Localization, failed: MatchResult) -> Placement:
     """Return where the expected motion leads; the scan becomes the next reference if it can be one."""
     is_held = o.state.motion.is_exhausted(o.prediction)
-    motion = UncertainPose(np.zeros(3), o.prediction.motion.cov) if is_held else o.prediction.motion
+    motion = UncertainPose(np.zeros(3), o.prediction.motion.covariance) if is_held else o.prediction.motion
     gap = o.state.gap or open_gap(o, last)
     placement = Placement(
         outcome=StepOutcome.HELD if is_held else StepOutcome.PREDICTED,

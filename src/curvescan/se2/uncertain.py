@@ -31,22 +31,22 @@ def identity() -> UncertainPose:
 
 def compose(a_b: UncertainPose, b_c: UncertainPose) -> UncertainPose:
     """Return the pose of c in a from two independent ones."""
-    return UncertainPose(*composed(a_b.pose, a_b.cov, b_c.pose, b_c.cov))
+    return UncertainPose(*composed(a_b.pose, a_b.covariance, b_c.pose, b_c.covariance))
 
 
 def between(a_b: UncertainPose, a_c: UncertainPose) -> UncertainPose:
     """Return c in b, where a_c was chained to a_b: the inverse of :func:`compose`, what they share cancels."""
-    return UncertainPose(*_between(a_b.pose, a_b.cov, a_c.pose, a_c.cov))
+    return UncertainPose(*_between(a_b.pose, a_b.covariance, a_c.pose, a_c.covariance))
 
 
 def inverse(a_b: UncertainPose) -> UncertainPose:
     """Return the pose of a in b."""
-    return UncertainPose(*_inverse(a_b.pose, a_b.cov))
+    return UncertainPose(*_inverse(a_b.pose, a_b.covariance))
 
 
 def fuse(one: UncertainPose, other: UncertainPose) -> tuple[UncertainPose, float]:
     """Return the mean of two independent estimates of one pose, weighed by their covariances, and their distance."""
-    pose, cov, distance = _fuse(one.pose, one.cov, other.pose, other.cov)
+    pose, cov, distance = _fuse(one.pose, one.covariance, other.pose, other.covariance)
     return UncertainPose(pose, cov), distance
 
 

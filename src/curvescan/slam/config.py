@@ -87,14 +87,14 @@ class NoiseConfig:
         Slips go on: their standard deviation grows with the way and not with its root, and that of a turn which no
         match of keyframes saw with the scans in between, n_unseen.
         """
-        step, cov = float(np.hypot(motion.pose[0], motion.pose[1])), motion.cov + self.floor
+        step, cov = float(np.hypot(motion.pose[0], motion.pose[1])), motion.covariance + self.floor
         variance = self.slip**2 * step * (2.0 * way + step)
         turn = n_unseen / cov[2, 2] * np.outer(cov[2], cov[2])
         return UncertainPose(motion.pose, cov + turn + np.diag([variance, variance, 0.0]))
 
     def doubled(self, pose: UncertainPose) -> UncertainPose:
         """Return a pose of twice its standard deviations and the floor's: motions in a row err together."""
-        return UncertainPose(pose.pose, 4.0 * (pose.cov + self.floor))
+        return UncertainPose(pose.pose, 4.0 * (pose.covariance + self.floor))
 
     def edge(self, covariance: Cov) -> Cov:
         """Return the covariance of an edge by that of its match."""

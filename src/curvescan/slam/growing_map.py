@@ -98,17 +98,17 @@ class GrowingMap:
         self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
         if result.ok:
             found = as_measurement(result)
-            found = UncertainPose(found.pose, noise.edge(found.cov))
+            found = UncertainPose(found.pose, noise.edge(found.covariance))
             fused, distance = fuse(step, found)
             if distance >= GATE:
                 off = difference(step.pose, found.pose)
-                step = UncertainPose(step.pose, step.cov + np.outer(off, off))
+                step = UncertainPose(step.pose, step.covariance + np.outer(off, off))
             elif result.degenerate_direction is None:
                 step, self._open_way, kind = found, 0.0, EdgeKind.MATCH
             else:
                 step = fused
         self.graph.add_pose(se2.compose(self.graph.poses[before], step.pose))
-        self.graph.add_edge(before, k, step.pose, step.cov, kind)
+        self.graph.add_edge(before, k, step.pose, step.covariance, kind)
         self._steps.append(step)
         self.since = compose(self.since, step)
         return k
@@ -117,20 +117,20 @@ class GrowingMap:
         """Return the newest keyframe seen from each one, from a first row on, along the keyframes between them."""
         ways = accumulate(self._steps[:first:-1], lambda way, step: compose(step, way), initial=identity())
         poses = se2.between(self.graph.poses[first:], self.graph.poses[-1])
-        return [UncertainPose(pose, way.cov) for pose, way in zip(poses[::-1], ways, strict=False)][::-1]
+        return [UncertainPose(pose, way.covariance) for pose, way in zip(poses[::-1], ways, strict=False)][::-1]
 
     def seen_from(self, rows: Ints) -> tuple[Pose, Cov]:
         """Return the newest keyframe seen from others, (m, 3) and (m, 3, 3); rows (m,) rising."""
         known, later = np.split(rows, [np.searchsorted(rows, self.belief.n)])
         by_belief = composed_covariances(self.belief.relative[known], self.belief.covariances[known], self.since)
-        along = np.reshape([way.cov for way in self.along(self.belief.n)], (-1, 3, 3))[later - self.belief.n]
+        along = np.reshape([way.covariance for way in self.along(self.belief.n)], (-1, 3, 3))[later - self.belief.n]
         return se2.between(self.graph.poses[rows], self.graph.poses[-1]), np.concatenate((by_belief, along))
 
     def chain(self) -> Chain:
         """Return the keyframes; those since the last optimization lie along the odometry, as if no loop had closed."""
         if self._chain is None:
             n = self.belief.n
-            self._chain = Chain.of(self.graph.poses[:n], [step.cov for step in self._steps[:n]])
+            self._chain = Chain.of(self.graph.poses[:n], [step.covariance for step in self._steps[:n]])
         if new := self._steps[len(self._chain.poses) :]:
             self._chain = self._chain.extended(new)
         return self._chain
@@ -192,7 +192,7 @@ class GrowingMap:
         """Return where the newest keyframe is in the map."""
         from_first = compose(self.belief.last_seen_from(0), self.since)
         in_map = compose(UncertainPose(self.graph.poses[0], np.zeros((3, 3))), from_first)
-        return UncertainPose(self.graph.poses[-1], in_map.cov)
+        return UncertainPose(self.graph.poses[-1], in_map.covariance)
 
     def covariances(self) -> Cov:
         """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly."""

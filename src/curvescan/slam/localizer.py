@@ -223,7 +223,6 @@ class Localizer:
 
     def _at(self, step: Step, outcome: StepOutcome, here: UncertainPose = _NOWHERE, keyframe: int = -1) -> Step:
         """Return the step of a scan whose pose in the map is `here`, by its step of the odometry."""
-        around, cov = (here, here.cov) if self._fix is None else self._matching.in_map(here, self._fix.keyframe)
-        return replace(
-            step, pose=around.pose, covariance=around.cov, outcome=outcome, keyframe=keyframe, covariance_global=cov
-        )
+        around, cov = (here, here.covariance) if self._fix is None else self._matching.in_map(here, self._fix.keyframe)
+        pose, own = around
+        return replace(step, pose=pose, covariance=own, outcome=outcome, keyframe=keyframe, covariance_global=cov)

@@ -69,7 +69,8 @@ class LoopSearch:
         """Queue the keyframes that the newest one, of row k, is to be matched with."""
         growing, keyframes, profiles = self._map, self._map.keyframes, self._map.keyframes.profiles.array
         linked = enumerate(growing.along(max(k - N_LINKED, 0))[:-2], max(k - N_LINKED, 0))
-        self._queue += [Candidate(i, k, way.cov) for i, way in linked if growing.fragments[i] == growing.fragments[k]]
+        fragments = growing.fragments
+        self._queue += [Candidate(i, k, way.covariance) for i, way in linked if fragments[i] == fragments[k]]
         poses, similarity = growing.graph.poses, keyframes.index.similarity(keyframes.index.array[k])
         # what is known of a relative pose is costly: not of what lies afar and looks different
         rows = (similarity >= _MIN_SIMILARITY) | (np.hypot(*(poses[:, :2] - poses[k, :2]).T) < _FARTHEST)
@@ -234,7 +235,7 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
     for i, j, covariance, asked in new:
         expected = UncertainPose(se2.between(poses[i], poses[j]), covariance + config.noise.spread)
         known = expected if is_certain(expected, config) else None
-        guess = known if asked is None else UncertainPose(asked, WIDE_PRIOR.cov)
+        guess = known if asked is None else UncertainPose(asked, WIDE_PRIOR.covariance)
         result = keyframes.match(i, keyframes.prepared(j), guess)
         along = result.degenerate_direction
         if result.is_guess_decisive and along is None and is_loop(i, j):  # several places explain them: it is open

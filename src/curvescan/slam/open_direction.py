@@ -43,8 +43,8 @@ def placed(found: UncertainPose, along: Pose, reference: LaserScan, current: Las
     if first == 0 or last == len(_SHIFTS) - 1 or last - first >= _N_WIDEST:
         return None
     low, high = _SHIFTS[[first - 1, last + 1]].tolist()
-    spread, width = found.cov @ along, high - low  # twice what one errs by: places of a stretch err alike
-    cov = found.cov - np.outer(spread, spread) / (along @ spread + width * width)
+    spread, width = found.covariance @ along, high - low  # twice what one errs by: places of a stretch err alike
+    cov = found.covariance - np.outer(spread, spread) / (along @ spread + width * width)
     return UncertainPose(found.pose + 0.5 * (low + high) * along, cov)
 
 

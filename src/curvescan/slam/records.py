@@ -43,7 +43,7 @@ class Records:
 
     def add(self, stamp: float, seen: UncertainPose) -> None:
         """Add a scan by its pose in the frame of the keyframe that the stretch began with."""
-        self._scans.append((stamp, len(self._stretches) - 1, seen.pose, seen.cov))
+        self._scans.append((stamp, len(self._stretches) - 1, seen.pose, seen.covariance))
 
     def keyframe_scans(self) -> Ints:
         """Return (k, 2) number and scan of each keyframe of this session, also of those that went."""

@@ -125,7 +125,7 @@ class Slam:
             if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
                 seen = self._begin_fragment(scan, step, se2.compose(self._map.current_in_map().pose, seen.pose))
             elif step.is_driven or not step.is_unsettled:
-                is_vague = np.trace(seen.cov) >= _VAGUE**2
+                is_vague = np.trace(seen.covariance) >= _VAGUE**2
                 if is_vague or self.config.keyframes.is_far(seen.pose):
                     seen = self._make_keyframe(scan, step, seen)
         self._n_scans += 1
@@ -137,7 +137,7 @@ class Slam:
         return replace(
             step,
             pose=here.pose,
-            covariance=here.cov,
+            covariance=here.covariance,
             closures=tuple(c for c in closures if c.is_loop),
             is_revised=is_revised,
             keyframe=self.keyframes[-1].number,

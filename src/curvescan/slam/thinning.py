@@ -46,9 +46,9 @@ def with_heirs(gone: list[Heir], numbers: Ints, poses: Pose, covariances: Cov, s
     for number, tie, step in reversed(gone):
         by_tie = se2.between(all_poses[step.to], se2.compose(all_poses[tie.to], tie.seen.pose))
         # a match that the finished map contradicts was false: the way beside it holds
-        to, seen = tie if fuse(step.seen, UncertainPose(by_tie, tie.seen.cov + spread))[1] < GATE else step
+        to, seen = tie if fuse(step.seen, UncertainPose(by_tie, tie.seen.covariance + spread))[1] < GATE else step
         found = compose(UncertainPose(all_poses[to], all_covariances[to]), seen)
-        all_poses[number], all_covariances[number] = found.pose, found.cov
+        all_poses[number], all_covariances[number] = found.pose, found.covariance
     return all_poses, all_covariances
 
 
@@ -103,14 +103,14 @@ def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[Tie, Tie]:
         (i, a), (j, b) = seen[before[-1]], seen[after[0]]
         ends = [before[-1], after[0]]
         step, kind = compose(inverse(a), b), EdgeKind(max(graph.kinds[ends]))
-        graph.add_edge(i, j, step.pose, step.cov, kind, float(min(graph.weights[ends])))
+        graph.add_edge(i, j, step.pose, step.covariance, kind, float(min(graph.weights[ends])))
     tied = set(graph.ends[_edges_at(graph, heir)].ravel().tolist())  # and the heir itself
     for row, (u, edge) in seen.items():
         if graph.kinds[row] == EdgeKind.CLOSURE and graph.is_followed[row] and u not in tied:
             tied.add(u)
             moved = compose(from_heir, edge)
             moved = inverse(moved) if heir > u else moved
-            graph.add_edge(min(heir, u), max(heir, u), moved.pose, moved.cov, EdgeKind.CLOSURE)
+            graph.add_edge(min(heir, u), max(heir, u), moved.pose, moved.covariance, EdgeKind.CLOSURE)
     graph.keep_edges(~np.isin(np.arange(len(graph.ends)), rows))
     i, edge = seen[before[-1] if before else tie]
     return Tie(heir, from_heir), Tie(i, inverse(edge))

@@ -35,13 +35,13 @@ def _hit(x: float, sigma: tuple[float, float]) -> Hit:
 def test_matches_of_one_scan_are_worth_no_more_than_one() -> None:
     both = fused([_hit(1.0, (0.01, 0.01)), _hit(1.02, (0.01, 0.01))])
     assert both.pose[0] == pytest.approx(1.01)
-    assert np.sqrt(both.cov[0, 0]) == pytest.approx(0.01)
+    assert np.sqrt(both.covariance[0, 0]) == pytest.approx(0.01)
 
 
 def test_what_one_match_leaves_open_another_fixes() -> None:
     both = fused([_hit(0.3, (10.0, 0.01)), _hit(1.0, (0.01, 10.0))])
     assert both.pose[0] == pytest.approx(1.0, abs=1e-4)
-    assert np.sqrt(both.cov[[0, 1], [0, 1]]) == pytest.approx([0.01 * 2**0.5] * 2, rel=1e-3)
+    assert np.sqrt(both.covariance[[0, 1], [0, 1]]) == pytest.approx([0.01 * 2**0.5] * 2, rel=1e-3)
 
 
 def test_a_scan_is_matched_where_it_is_expected_and_nowhere_else(matching: MapMatcher) -> None:
@@ -65,7 +65,7 @@ def test_the_map_errs_as_if_edges_led_from_one_keyframe_to_the_other(matching: M
     same, near, far = (_hit(0.0, (0.1, 0.1))._replace(keyframe=k) for k in (0, 1, 12))
     assert matching.seen_from(here, 0, same) is here
     assert matching.seen_from(here, -1, far) is here  # where no keyframe is known there is nothing to add
-    added = [np.diagonal(matching.seen_from(here, 0, hit).cov - here.cov) for hit in (near, far)]
+    added = [np.diagonal(matching.seen_from(here, 0, hit).covariance - here.covariance) for hit in (near, far)]
     assert (added[1] > added[0]).all()
     assert (added[0] > 0.0).all()
 
@@ -73,9 +73,9 @@ def test_the_map_errs_as_if_edges_led_from_one_keyframe_to_the_other(matching: M
 def test_the_map_s_own_error_is_added(matching: MapMatcher) -> None:
     here = UncertainPose(np.array([1.0, 2.0, 0.3]), np.diag([1e-6, 1e-6, 1e-8]))
     around, in_all = matching.in_map(here, 12)
-    assert (np.diagonal(around.cov) > np.diagonal(here.cov)).all()
-    assert (np.linalg.eigvalsh(in_all - around.cov) > -1e-15).all()
-    assert np.trace(in_all) > np.trace(around.cov)
+    assert (np.diagonal(around.covariance) > np.diagonal(here.covariance)).all()
+    assert (np.linalg.eigvalsh(in_all - around.covariance) > -1e-15).all()
+    assert np.trace(in_all) > np.trace(around.covariance)
 
 
 @pytest.mark.parametrize(("has_end", "is_held"), [(True, True), (False, False)])
@@ -105,6 +105,6 @@ def test_the_end_of_a_corridor_holds_what_a_match_leaves_open(
     assert as_before is fixed
     if is_held:
         assert abs(held.here.pose[0]) < 0.01
-        assert 0.1 < np.sqrt(held.here.cov[0, 0]) < 0.2  # no better than the search knows it
+        assert 0.1 < np.sqrt(held.here.covariance[0, 0]) < 0.2  # no better than the search knows it
     else:
         assert held is slid

@@ -36,7 +36,7 @@ class Prior(NamedTuple):
     @classmethod
     def of(cls, known: UncertainPose) -> Prior:
         """Return a prior ready to be asked."""
-        cov = known.cov + _MATCHED
+        cov = known.covariance + _MATCHED
         precision = inverse3(cov)
         (a, b, _), (_, c, _), _ = cov.tolist()
         determinant = (a * c - b * b) / float(precision[2, 2])  # of cov, as by cofactors

@@ -78,7 +78,7 @@ class MapMatcher:
         if not len(order):
             return [], False
         current = self._keyframes.prepare(scan)
-        known = GUESS_COVARIANCE if is_known else WIDE_PRIOR.cov
+        known = GUESS_COVARIANCE if is_known else WIDE_PRIOR.covariance
         hits: list[Hit] = []
         for row in order.tolist():
             hit = self._hit(int(near[row]), current, UncertainPose(relative[row], known))
@@ -100,7 +100,7 @@ class MapMatcher:
         if not result.ok or (prior is None and result.degenerate_direction is not None):
             return None
         found = as_measurement(result)
-        found = UncertainPose(found.pose, found.cov + self._config.noise.floor)
+        found = UncertainPose(found.pose, found.covariance + self._config.noise.floor)
         exact = UncertainPose(self._map.poses[k], np.zeros((3, 3)))
         return Hit(keyframe=k, here=compose(exact, found), score=_weight(result.confidence) * result.score)
 
@@ -115,7 +115,7 @@ class MapMatcher:
         position, _, rotation = np.diagonal(self._config.noise.spread)
         apart2 = x * x + y * y
         far, n_edges = position + rotation * apart2, 1.0 + math.sqrt(apart2) / self._config.keyframes.distance
-        return UncertainPose(expected.pose, expected.cov + n_edges * np.diag([far, far, rotation]))
+        return UncertainPose(expected.pose, expected.covariance + n_edges * np.diag([far, far, rotation]))
 
     def settled(self, points: Points, hits: list[Hit]) -> list[Hit]:
         """Return the best match of one scan and those that agree with it: a bent map puts it in several places."""
@@ -142,7 +142,7 @@ class MapMatcher:
 
     def _is_held(self, points: Points, place: Pose, here: UncertainPose) -> bool:
         """Return whether the map agrees less with a scan that is shifted along what a pose leaves open."""
-        along = np.linalg.eigh(here.cov[:2, :2])[1][:, 1]
+        along = np.linalg.eigh(here.covariance[:2, :2])[1][:, 1]
         shift = np.array([*(STEP_M * along), 0.0])
         most = max(self.field.agreement(points, place + way * shift) for way in (-1.0, 1.0))
         return most <= self.field.agreement(points, place) - WORSE
@@ -155,18 +155,18 @@ class MapMatcher:
 
     def in_map(self, here: UncertainPose, keyframe: int) -> tuple[UncertainPose, Cov]:
         """Return a pose with what the map errs around it, and its covariance seen from the first keyframe."""
-        around = UncertainPose(here.pose, here.cov + self._config.noise.spread)
+        around = UncertainPose(here.pose, here.covariance + self._config.noise.spread)
         origin = UncertainPose(self._map.poses[keyframe], self._map.covariances[keyframe])
         seen = UncertainPose(se2.between(origin.pose, here.pose), np.zeros((3, 3)))
-        return around, around.cov + compose(origin, seen).cov
+        return around, around.covariance + compose(origin, seen).covariance
 
 
 def fused(hits: list[Hit]) -> UncertainPose:
     """Return the pose that matches of one scan say together: they share its noise, and count as one."""
     share = float(len(hits))
-    total = UncertainPose(hits[0].here.pose, share * hits[0].here.cov)
+    total = UncertainPose(hits[0].here.pose, share * hits[0].here.covariance)
     for hit in hits[1:]:
-        total, _ = fuse(total, UncertainPose(hit.here.pose, share * hit.here.cov))
+        total, _ = fuse(total, UncertainPose(hit.here.pose, share * hit.here.covariance))
     return total
 
 

@@ -46,7 +46,7 @@ class Prior(NamedTuple):
         given: Any = pose, INITIAL_COVARIANCE if covariance is None else covariance
         here = known_pose(UncertainPose(*given), "initial_pose")
         x, y, theta = here.pose.tolist()
-        return Prior(here=UncertainPose(np.array([x, y, se2.wrap(theta)]), here.cov))
+        return Prior(here=UncertainPose(np.array([x, y, se2.wrap(theta)]), here.covariance))
 
     def moved(self, motion: UncertainPose, *, is_doubtful: bool) -> Prior:
         """Return the prior after a motion of the sensor; is_doubtful: whether no sure match measured it."""
@@ -62,9 +62,9 @@ class Prior(NamedTuple):
         """Return (n,) log odds of poses (n, 3), against a sensor anywhere in a map of so many square metres."""
         off = poses - self.here.pose
         off[:, 2] = se2.wrap(off[:, 2])
-        chi_square = np.einsum("ni,ij,nj->n", off, np.linalg.inv(self.here.cov), off)
+        chi_square = np.einsum("ni,ij,nj->n", off, np.linalg.inv(self.here.covariance), off)
         # slips have a heavy tail: Student's t of three degrees of freedom, as a pose has
-        volume = math.pi**2 * math.sqrt(27 * float(np.linalg.det(self.here.cov))) / 4
+        volume = math.pi**2 * math.sqrt(27 * float(np.linalg.det(self.here.covariance))) / 4
         # as a share of the map's: a prior wider than the map says next to nothing
         share = min(volume / (2.0 * math.pi * max(area, 1.0)), 1.0)
         near = -math.log(share) - 3 * np.log1p(chi_square / 3)
@@ -74,4 +74,4 @@ class Prior(NamedTuple):
     def is_near(self, places: Points) -> Bools:
         """Return (n,) whether places (n, 2) are about where the sensor is: they are looked at whatever others say."""
         off = places - self.here.pose[:2]
-        return np.asarray(np.einsum("ni,ij,nj->n", off, np.linalg.inv(self.here.cov[:2, :2]), off) < GATE)
+        return np.asarray(np.einsum("ni,ij,nj->n", off, np.linalg.inv(self.here.covariance[:2, :2]), off) < GATE)

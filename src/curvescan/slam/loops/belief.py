@@ -45,4 +45,4 @@ def composed_covariances(poses: Pose, covariances: Cov, then: UncertainPose) -> 
     turn, (x, y, _) = affines(poses[:, 2]), then.pose.T
     c, s = turn[:, 0, 0], turn[:, 1, 0]
     by_first = affines(np.zeros(len(poses)), -s * x - c * y, c * x - s * y)
-    return carried(covariances, by_first) + carried(then.cov, turn)
+    return carried(covariances, by_first) + carried(then.covariance, turn)

@@ -80,7 +80,7 @@ class Closure:
 
 def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
     """Return whether the graph knows a relative pose so well that it may guide a match."""
-    return bool(max(expected.cov[0, 0], expected.cov[1, 1]) < config.closures.certain_m**2)
+    return bool(max(expected.covariance[0, 0], expected.covariance[1, 1]) < config.closures.certain_m**2)
 
 
 def closure_of(
@@ -98,8 +98,8 @@ def closure_of(
         tried = replace(tried, pose=result.pose + ((expected.pose - result.pose) @ along) * along)
     distance = fuse(expected, found)[1]
     off, is_open = difference(expected.pose, found.pose), along is not None
-    expectation = expectation_of(off, expected.cov + found.cov, config, is_open=is_open)
-    tried = replace(tried, covariance=config.noise.edge(found.cov), distance=distance, expectation=expectation)
+    expectation = expectation_of(off, expected.covariance + found.covariance, config, is_open=is_open)
+    tried = replace(tried, covariance=config.noise.edge(found.covariance), distance=distance, expectation=expectation)
     if expectation + tried.log_odds > config.closures.log_odds:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
     return replace(tried, outcome=ClosureOutcome.WAITING if is_loop(i, j) else ClosureOutcome.UNEXPECTED)

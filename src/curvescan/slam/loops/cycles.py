@@ -38,7 +38,7 @@ class Chain(NamedTuple):
     def extended(self, motions: list[UncertainPose]) -> Chain:
         """Return a chain with more motions at its end."""
         poses = accumulate((motion.pose for motion in motions), se2.compose, initial=self.poses[-1])
-        more = Chain.of(np.array([*poses]), [motions[0].cov, *(motion.cov for motion in motions)])
+        more = Chain.of(np.array([*poses]), [motions[0].covariance, *(motion.covariance for motion in motions)])
         gathered = np.concatenate((self.gathered, self.gathered[-1] + more.gathered[1:]))
         return Chain(np.concatenate((self.poses, more.poses[1:])), gathered)
 
