@@ -133,7 +133,7 @@ def test_behind_a_turn_that_nobody_saw_the_heading_found_tells_the_place(result:
     lever, turned = np.array([-2.0, 1.0, 1.0]), 1.5
     cov = turned**2 * np.outer(lever, lever) + np.diag([0.04, 0.04, 0.01])
     for off, is_likely in ((np.zeros(3), True), (1.2 * lever, True), (1.2 * lever * [-1.0, -1.0, 1.0], False)):
-        assert (expectation_of(off, cov, SlamConfig(), is_open=False) > 3.0) is is_likely
+        assert bool(expectation_of(off, cov, SlamConfig(), is_open=False) > 3.0) is is_likely
     # corridors run side by side, whatever their heading
     one, another = (expectation_of(np.zeros(3), cov, SlamConfig(), is_open=is_open) for is_open in (True, False))
     assert one < another - 1.0
