@@ -113,11 +113,11 @@ class Odometry:
             older = last.keyframe
         self._state = State(
             motion=placement.motion,
-            n_scans=observation.index + 1,
+            n_scans=before.n_scans + 1,
             localization=placement.localization,
             previous=reference if placement.is_reference else None,
             older=older,
-            first=observation.scan if observation.index == 0 else None,
+            first=observation.scan if before.n_scans == 0 else None,
             gap=placement.gap,
             score=math.nan if placement.match is None else placement.match.score,
         )
