@@ -36,10 +36,8 @@ def information_at(ref, cur, pose):
 
 def information_of(ref, partner_ref, cur, partner_cur, pose):
     """The information of the whole contour."""
-    scans = [
-        pair()[0]._replace(image=pair()[0].image._replace(surfels=one), objects=no_objects(len(one)))
-        for one in (ref, cur)
-    ]
+    scan = pair()[0]
+    scans = [scan._replace(image=scan.image._replace(surfels=one), objects=no_objects(len(one))) for one in (ref, cur)]
     return pose_information(*scans, (partner_ref, partner_cur), pose, 0.0)
 
 

@@ -177,11 +177,11 @@ def share_of(part: Floats, units: Floats, axis: Floats) -> float:
 def pose_information(
     ref: Surfaces, cur: Surfaces, partners: tuple[Ints, Ints], pose: Floats, least: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the information of the inliers, by the partners of the readings of both, in its principal directions.
+    """Return the information that the readings with partners have on the pose, in its principal directions.
 
-    A direction is measured only if it stays so without any one object, and without the few that stand free: what one
-    object alone fixes moves with it. Where leaving one out opens a direction, with less than `least` information or no
-    more than twice the spurious part, it is left out. information, spurious (3,): 1/m^2, ascending, less the spurious
+    A direction is measured only if it stays so without any one object, or the few that stand free: what they alone fix
+    moves with them; so, a minute later, does what stands against a wall. What opens a direction, to less than `least`
+    information or twice the spurious part, is left out. information, spurious (3,): 1/m^2, ascending, less the spurious
     part of tilted lines, and that part; axes (3, 3): columns, orthonormal over x, y and theta times the root mean
     square distance of the readings; units (3,): what one unit of each row of `axes` is in metres, metres and radians.
     """
