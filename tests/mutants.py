@@ -99,8 +99,8 @@ NAMED = (
     _named(
         "walls across both axes count along one",
         f"{_MATCHER}/proposal/hypotheses.py",
-        "if abs(fx) > 2.0 * abs(fy):",
-        "if abs(fx) > abs(fy):",
+        "if not is_wall or abs(fx) > 2.0 * abs(fy):",
+        "if not is_wall or abs(fx) > abs(fy):",
     ),
     _named(
         "a jamb is a thing that somebody may have moved",
@@ -120,6 +120,22 @@ NAMED = (
         f"{_MATCHER}/assessment/labels.py",
         "reach = 0.0 if faces_away(surfels, i, motion) else ",
         "reach = ",
+    ),
+    _named(
+        "what half a turn may explain is sure",
+        f"{_MATCHER}/disambiguation.py",
+        "is_same_turned = (is_open or",
+        "is_same_turned = 0.0 * (is_open or",
+    ),
+    _named(
+        "what may keep pace is sure", f"{_MATCHER}/disambiguation.py", "assessment.may_keep_pace and not is_open", "0.0"
+    ),
+    _named(
+        "things keep pace for an hour",
+        f"{_MATCHER}/assessment/information.py",
+        "max(least, 2.0 * false[0]) and not is_later",
+        "max(least, 2.0 * false[0])",
+        f"{_MATCHER}/features/test_objects.py",
     ),
     _named("share of a slide 0.2 instead of 0.7", f"{_MATCHER}/disambiguation.py", "_SHARE = 0.7", "_SHARE = 0.2"),
     _named(

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan import se2
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose, degenerate_directions
 from curvescan.matchers.curvescan.assessment.evidence import BEYOND, SMALL, extent
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.candidates import look_closer, refine_candidates, with_places_along
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.disambiguation import covariance_of_ties, is_in_box, move_to_guess
+from curvescan.matchers.curvescan.disambiguation import covariance_of_ties, is_in_box, move_to_guess, unseen_odds
 from curvescan.matchers.curvescan.features.features import extract_features
 from curvescan.matchers.curvescan.features.surfels import N_COLUMNS, X, Y
 from curvescan.matchers.curvescan.prior import WIDE, Prior
@@ -194,3 +195,41 @@ def test_an_elevator_is_ambiguous_and_with_a_guess_matched():
     guessed = cs.match(ref, cur, guess=motion + 0.02)
     assert guessed.ok
     np.testing.assert_allclose(guessed.pose, motion, atol=0.01)
+
+
+def doubt_of(result):
+    """The odds of what the scans of a match cannot show, by the rule and by its confidence."""
+    assessed = result.trace.assessed
+    accept, _ = assessed.support.probabilities(assessed.ties)
+    odds = unseen_odds(assessed, assessed.assessment)
+    assert result.confidence == pytest.approx(1.0 / (1.0 / accept + odds))
+    return odds
+
+
+@pytest.mark.parametrize("place", ["bare-corridor", "office"])
+def test_a_corridor_may_be_turned_by_half_unless_a_prior_has_it(place):
+    log = cs.simulate(place, n_scans=4, seed=3)
+    true = cs.se2.between(log.truth.poses[0], log.truth.poses[3])
+    alone, told = cs.match(log[0], log[3]), cs.match(log[0], log[3], guess=true)
+    assert doubt_of(told) == 0.0
+    assert doubt_of(alone) == (pytest.approx(np.exp(-2.0)) if place == "bare-corridor" else 0.0)
+    assert told.confidence > 0.9
+    assert (alone.confidence > 0.9) == (place == "office")
+
+
+@pytest.mark.parametrize("world", ["turned away, doors", "turned away, building", "small room", "doors, half turn"])
+def test_what_half_a_turn_may_explain_is_not_sure(world):
+    """The share of pairs that are sure and wrong may be one in a hundred."""
+    for pair_ in deceptive_pairs(world, n_pairs=40, seed=7):
+        result = cs.match(pair_.reference, pair_.current)
+        is_right = pair_.pose is not None and np.abs(se2.between(pair_.pose, result.pose)).max() < 0.1
+        assert is_right or not result.confidence > 0.9
+
+
+@pytest.mark.parametrize("world", ["company", "pillars, 180 deg", "pillars, 360 deg"])
+def test_what_may_keep_pace_is_not_sure(world):
+    for pair_ in deceptive_pairs(world, n_pairs=30, seed=7):
+        result = cs.match(pair_.reference, pair_.current)
+        is_open = result.degenerate_direction is not None
+        is_right = np.abs(se2.between(pair_.pose, result.pose)).max() < 0.1
+        assert is_right or is_open or not result.confidence > 0.9

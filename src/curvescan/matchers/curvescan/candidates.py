@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.assessment import Assessment, along_walls, assess, assess_pose, limits_of
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, is_hopeless
@@ -61,11 +62,9 @@ def images_of(ref: CurvescanFeatures, assessment: Assessment, weighed: WeighedPo
         axis = ref.landmarks.axis
         to_room = np.array([[math.cos(axis), -math.sin(axis)], [math.sin(axis), math.cos(axis)]])
         agreeing = ref.image.surfels[is_agreeing][:, [X, Y]] @ to_room
-        x, y = to_room @ (0.5 * (agreeing.min(axis=0) + agreeing.max(axis=0)))
-        dx, dy, theta = (best - [x, y, 0.0]).tolist()
-        quarter = 0.5 * math.pi
-        images += [np.array([x - dy, y + dx, theta + quarter]), np.array([x + dy, y - dx, theta - quarter])]
-        images += [np.array([x - dx, y - dy, theta + math.pi])]
+        middle = np.append(to_room @ (0.5 * (agreeing.min(axis=0) + agreeing.max(axis=0))), 0.0)
+        turns = np.outer((0.5, -0.5, 1.0), (0.0, 0.0, math.pi))
+        images += [*se2.compose(middle + turns, best - middle)]
     return images
 
 
@@ -117,7 +116,7 @@ def refine_and_weigh(
     priors, wide_priors = log_odds(final, prior)
     if is_hopeless(evidence, priors, wide_priors):
         none, no_codes = np.empty((0, 0)), compared[0][:0]
-        known = Assessment(no_codes, no_codes, 0, 0, (0.0, 0.0, 0.0), none, priors, (True, True, True))
+        known = Assessment(no_codes, no_codes, 0, 0, (0.0, 0.0, 0.0), none, priors, (True, True, True), False)
     else:
         known = assess(ref, cur, final[0], compared, rules)
     return final, scores, evidence, priors, wide_priors, known

@@ -39,6 +39,7 @@ def assessed(*, n_inliers=20, n_readings=60, **fields):
         "information": (1e4, 2e4, 3e4),
         "axes": np.eye(3),
         "units": np.ones(3),
+        "may_keep_pace": False,
     }
     known = {**whole, **fields}
     spurious = known.pop("spurious", np.zeros(3))

@@ -100,3 +100,17 @@ def test_doors_and_rooms_are_measured(doors, stamp):
 def test_a_scan_without_readings_has_no_objects():
     objects = find_objects(np.empty((0, 10)), np.zeros(1, dtype=np.int64))
     assert all(len(part) == 0 for part in objects)
+
+
+@pytest.mark.parametrize(("stamp", "may_keep_pace"), [(0.0, True), (30.0, True), (3_600.0, False)])
+def test_cabinets_alone_may_have_kept_pace_for_a_minute(stamp, may_keep_pace):
+    """A crowd of things that are too many, or too near the walls, to be two or three walkers."""
+    things = [(x, y) for x in (1.5, 2.5, 3.5, 4.5) for y in (-0.6, 0.6)]
+    ref, cur = corridor_with(*things), corridor_with(*things, stamp=stamp)
+    assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
+    assert assessment.is_open == (False, False, False)
+    assert assessment.may_keep_pace is may_keep_pace
+
+
+def test_walls_keep_no_pace():
+    assert not assess_pose(*pair(), MOTION, CONFIG).may_keep_pace

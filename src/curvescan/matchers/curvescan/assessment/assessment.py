@@ -47,6 +47,7 @@ class Assessment(NamedTuple):
     axes: Floats
     units: Floats
     is_open: Open  # of which of them the readings say next to nothing, or no more than tilted lines
+    may_keep_pace: bool  # whether things that may move with the sensor alone measure what is measured
 
     @property
     def weakest(self) -> Pose:
@@ -110,10 +111,11 @@ def assess(
     n_inliers = 0
     for j in partner_cur:
         n_inliers += j >= 0
-    information, spurious, axes, units = pose_information(of_ref, of_cur, (partner_ref, partner_cur), pose, least)
+    partners = partner_ref, partner_cur
+    information, spurious, axes, units, may_keep_pace = pose_information(of_ref, of_cur, partners, pose, least)
     a, b, c = information
     is_open = a < max(2.0 * spurious[0], least), b < max(2.0 * spurious[1], least), c < max(2.0 * spurious[2], least)
-    return Assessment(codes_ref, codes_cur, n_inliers, n_dynamic, (a, b, c), axes, units, is_open)
+    return Assessment(codes_ref, codes_cur, n_inliers, n_dynamic, (a, b, c), axes, units, is_open, may_keep_pace)
 
 
 def degenerate_directions(

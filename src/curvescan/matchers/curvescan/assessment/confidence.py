@@ -170,14 +170,14 @@ class WeighedPoses:
         return self.is_bare and is_likely and not self.is_told(0)
 
     @property
-    def is_one_way(self) -> bool:
-        """Whether nearly all surface that agrees at the first pose runs one way, as in a corridor.
+    def is_along_walls(self) -> bool:
+        """Whether nearly all surface that agrees at the first pose runs one way, as in a corridor."""
+        return bool(self._rows[0][WEAKEST] < _ONE_WAY * self._rows[0][AGREEING])
 
-        Besides, people are about, and no guess lies there.
-        """
-        best = self._rows[0]
-        is_along_walls = best[WEAKEST] < _ONE_WAY * best[AGREEING] and best[SMALL] > ANY
-        return bool(is_along_walls and not self.is_told(0))
+    @property
+    def is_one_way(self) -> bool:
+        """Whether nearly all surface that agrees runs one way, people are about, and no guess lies there."""
+        return bool(self.is_along_walls and self._rows[0][SMALL] > ANY and not self.is_told(0))
 
     def is_as_likely(self, k: int) -> bool:
         """Return whether pose k is hardly less likely than the first."""

@@ -58,8 +58,8 @@ def add_information(
     """Add the information of the readings of one scan, each against its partner's line.
 
     Each counts for the whole, for the object that it is of, and for the one that its partner is of. system (15,):
-    columns from INFORMATION on; parts (n_cur + n_ref + 1, 12): the same triangles of each object of the current scan,
-    then of the reference; last of all that stand free.
+    columns from INFORMATION on; parts (n_cur + n_ref + 2, 12): the same triangles of each object of the current scan,
+    then of the reference; of all that stand free, and of all.
     """
     motion = motion_of(pose, way)
     n_objects = objects[0].is_free.size if way > 0.0 else objects[1].is_free.size
@@ -85,6 +85,8 @@ def add_information(
         if second >= 0:
             add_reading(parts[others + second], weight, false, normal, along)
         if (first >= 0 and objects[0].is_free[first]) or (second >= 0 and objects[1].is_free[second]):
+            add_reading(parts[-2], weight, false, normal, along)
+        if first >= 0 or second >= 0:
             add_reading(parts[-1], weight, false, normal, along)
         system[CHI2] += e * e / (va + _LINE_NOISE * vb)
         system[COUNT] += 1.0
@@ -176,20 +178,22 @@ def share_of(part: Floats, units: Floats, axis: Floats) -> float:
 @kernel
 def pose_information(
     ref: Surfaces, cur: Surfaces, partners: tuple[Ints, Ints], pose: Floats, least: float
-) -> tuple[Floats, Floats, Floats, Floats]:
+) -> tuple[Floats, Floats, Floats, Floats, bool]:
     """Return the information that the readings with partners have on the pose, in its principal directions.
 
     A direction is measured only if it stays so without any one object, or the few that stand free: what they alone fix
     moves with them; so, a minute later, does what stands against a wall. What opens a direction, to less than `least`
     information or twice the spurious part, is left out. information, spurious (3,): 1/m^2, ascending, less the spurious
     part of tilted lines, and that part; axes (3, 3): columns, orthonormal over x, y and theta times the root mean
-    square distance of the readings; units (3,): what one unit of each row of `axes` is in metres, metres and radians.
+    square distance of the readings; units (3,): what one unit of each row of `axes` is in metres, metres and radians;
+    last whether what is measured is so by objects alone, at most a minute apart: they may all have kept pace.
     """
     system = np.zeros(_N_COLUMNS)
     surfels_ref, surfels_cur, of_ref, of_cur = ref.image.surfels, cur.image.surfels, ref.objects, cur.objects
-    if abs(cur.stamp - ref.stamp) > _LASTS:
+    is_later = abs(cur.stamp - ref.stamp) > _LASTS
+    if is_later:
         of_ref, of_cur = all_movable(of_ref), all_movable(of_cur)
-    parts = np.zeros((of_cur.is_free.size + of_ref.is_free.size + 1, CHI2))
+    parts = np.zeros((of_cur.is_free.size + of_ref.is_free.size + 2, CHI2))
     add_information(surfels_cur, surfels_ref, (of_cur, of_ref), partners[1], pose, FORWARD, system, parts)
     add_information(surfels_ref, surfels_cur, (of_ref, of_cur), partners[0], pose, BACKWARD, system, parts)
     n = max(system[COUNT], 1.0)
@@ -200,10 +204,11 @@ def pose_information(
     units = np.array([1.0, 1.0, 1.0 / arm])
     information, spurious, axes = principal(system, np.zeros(CHI2), units, scale)
     if information[0] < max(least, 2.0 * spurious[0]):
-        return information, spurious, axes, units
-    n_parts = parts.shape[0]
-    if count_free(parts, of_cur.is_free, of_ref.is_free) > _MAX_THINGS:
-        n_parts -= 1
+        return information, spurious, axes, units, False
+    left, false, _ = principal(system, parts[-1], units, scale)
+    may_keep_pace = left[0] < max(least, 2.0 * false[0]) and not is_later
+    n_free = max(count_free(parts, of_cur.is_free), count_free(parts[of_cur.is_free.size :], of_ref.is_free))
+    n_parts = parts.shape[0] - 1 - (n_free > _MAX_THINGS)
     held, weakest = information[0], axes[:, 0].copy()
     lowest = held
     for k in range(n_parts):
@@ -212,19 +217,16 @@ def pose_information(
         left, false, directions = principal(system, parts[k], units, scale)
         if left[0] < max(least, 2.0 * false[0]) and left[0] < lowest:
             information, spurious, axes, lowest = left, false, directions, left[0]
-    return information, spurious, axes, units
+    return information, spurious, axes, units, may_keep_pace
 
 
 @inlined
-def count_free(parts: Floats, is_free_cur: Bools, is_free_ref: Bools) -> int:
-    """Return how many things that stand free agree in the scan that has more of them."""
-    n_cur, n_ref = 0, 0
-    for k in range(is_free_cur.size):
-        n_cur += is_free_cur[k] and parts[k, XX] + parts[k, YY] > 0.0
-    for k in range(is_free_ref.size):
-        of = parts[is_free_cur.size + k]
-        n_ref += is_free_ref[k] and of[XX] + of[YY] > 0.0
-    return max(n_cur, n_ref)
+def count_free(parts: Floats, is_free: Bools) -> int:
+    """Return how many things of one scan that stand free agree."""
+    n = 0
+    for k in range(is_free.size):
+        n += is_free[k] and parts[k, XX] + parts[k, YY] > 0.0
+    return n
 
 
 @kernel

@@ -89,19 +89,14 @@ def profiles_of(marks: Landmarks, turn: float) -> Floats:
     """Return (4, n) roots of the lengths that face along the x axis, against it, and so of y, of a scan turned."""
     found = np.zeros((4, _N_BINS))
     c, s = math.cos(turn), math.sin(turn)
-    walls, edges = marks.walls, marks.edges
-    for i in range(walls.shape[0]):
-        x, y = c * walls[i, MARK_X] - s * walls[i, MARK_Y], s * walls[i, MARK_X] + c * walls[i, MARK_Y]
-        fx, fy = c * walls[i, FACING_X] - s * walls[i, FACING_Y], s * walls[i, FACING_X] + c * walls[i, FACING_Y]
-        if abs(fx) > 2.0 * abs(fy):
-            add(found, 0 if fx > 0.0 else 1, x, abs(fx))
-        elif abs(fy) > 2.0 * abs(fx):
-            add(found, 2 if fy > 0.0 else 3, y, abs(fy))
-    for i in range(edges.shape[0]):
-        x, y = c * edges[i, MARK_X] - s * edges[i, MARK_Y], s * edges[i, MARK_X] + c * edges[i, MARK_Y]
-        fx, fy = c * edges[i, FACING_X] - s * edges[i, FACING_Y], s * edges[i, FACING_X] + c * edges[i, FACING_Y]
-        add(found, 0 if fx > 0.0 else 1, x, _EDGE_LENGTH)
-        add(found, 2 if fy > 0.0 else 3, y, _EDGE_LENGTH)
+    for of, is_wall in ((marks.walls, True), (marks.edges, False)):
+        for i in range(of.shape[0]):
+            x, y = c * of[i, MARK_X] - s * of[i, MARK_Y], s * of[i, MARK_X] + c * of[i, MARK_Y]
+            fx, fy = c * of[i, FACING_X] - s * of[i, FACING_Y], s * of[i, FACING_X] + c * of[i, FACING_Y]
+            if not is_wall or abs(fx) > 2.0 * abs(fy):
+                add(found, 0 if fx > 0.0 else 1, x, abs(fx) if is_wall else _EDGE_LENGTH)
+            if not is_wall or abs(fy) > 2.0 * abs(fx):
+                add(found, 2 if fy > 0.0 else 3, y, abs(fy) if is_wall else _EDGE_LENGTH)
     return np.sqrt(found)
 
 
