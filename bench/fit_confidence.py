@@ -30,6 +30,7 @@ from curvescan import se2
 from curvescan.benchmarks.scenarios import SCENARIOS
 from curvescan.matchers.curvescan.assessment.assessment import AssessedPose
 from curvescan.matchers.curvescan.assessment.confidence import COEFFICIENTS, terms_of
+from curvescan.matchers.curvescan.disambiguation import unseen_odds
 from curvescan.matchers.curvescan.pose_difference import is_along
 from curvescan.scan import LaserScan
 from curvescan.simulation import simulate_pairs
@@ -231,6 +232,7 @@ class Table:
         self.right: list[int] = []
         self.flagged: list[bool] = []
         self.confidence: list[float] = []
+        self.unseen: list[float] = []
         self.is_repeated: list[bool] = []
         self.counts: dict[str, int] = {}
 
@@ -252,6 +254,7 @@ class Table:
             self.right.append(_right(assessed, rows, true, near))
             self.flagged.append(any(assessed.is_degenerate))
             self.confidence.append(support.probabilities(assessed.ties)[0])
+            self.unseen.append(unseen_odds(assessed, assessed.assessment))
             is_alone = set(support.repeated) <= set(assessed.ties)
             self.is_repeated.append(not is_alone or weighed.may_be_turned)
 
@@ -359,7 +362,7 @@ def main() -> None:
         for key, value in zip(COEFFICIENTS, coefficients, strict=True):
             print(f'    "{key}": {value:.2f},')
         p = probabilities(terms, coefficients)[:, 1]
-    p = np.where(table.is_repeated, 0.0, p)
+    p = np.where(table.is_repeated, 0.0, p / (1.0 + np.array(table.unseen) * p))
     show_sets(table, p)
     for left_out in sorted(set(families)):
         rows = is_fitted & (families == left_out)

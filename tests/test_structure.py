@@ -211,7 +211,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "matchers": (671, 4, 0),
     "matchers/baselines": (1528, 44, 35),
     "matchers/cfsma": (1101, 15, 17),
-    "matchers/curvescan": (3444, 82, 22),
+    "matchers/curvescan": (3410, 82, 22),
     "odometry": (1354, 28, 19),
     "paper": (1608, 84, 0),
     "plots": (708, 37, 0),

@@ -12,7 +12,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.assessment.assessment import Assessment, along_walls, assess, assess_pose, limits_of
+from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess, assess_pose, limits_of
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, is_hopeless
 from curvescan.matchers.curvescan.assessment.evidence import gather_evidence
 from curvescan.matchers.curvescan.assessment.labels import INLIER
@@ -35,18 +35,14 @@ _FINISH = (*FINE, _N_TOP, 4096, SAME, N_WIDE)
 def refine_candidates(problem: Problem, found: Candidates) -> tuple[WeighedPoses, Assessment | None]:
     """Return the candidates that come near the best, refined on all readings, and what the scans say of the first.
 
-    Where that is known badly along a direction, or looks the same elsewhere, with what is found there. Where nearly all
-    that agrees runs one way, as in a corridor, also along it: what fixes the pose may be people who agree by chance.
-    None where no pose finds enough support.
+    Where that is known badly along a direction, runs along walls, or looks the same elsewhere, with what is found
+    there. None where no pose finds enough support.
     """
     ref = problem.reference
     contested = found.scores > CONTESTED * found.scores[:1]
     weighed, assessment = look_closer(problem, found.poses[contested])
-    if assessment is not None:
-        is_weak = assessment.is_weakly_observable(problem.config)
-        if is_weak or weighed.is_one_way:
-            along = assessment.weakest if is_weak else along_walls(ref, assessment)
-            weighed, assessment = look_closer(problem, with_places_along(problem, weighed.poses, along))
+    if assessment is not None and (assessment.is_weakly_observable(problem.config) or weighed.is_along_walls):
+        weighed, assessment = look_closer(problem, with_places_along(problem, weighed.poses, assessment.weakest))
     images = [] if assessment is None else images_of(ref, assessment, weighed)
     if images:
         weighed, assessment = look_closer(problem, np.array([*weighed.poses, *images]))

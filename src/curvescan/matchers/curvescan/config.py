@@ -86,7 +86,7 @@ class ScoringConfig:
     doubtful_score: float = 0.35
     """Below this score other places are tried, with the turn found."""
     min_confidence: float = 0.5
-    """Least confidence of a match."""
+    """Least confidence of a match, by what the scans show."""
     min_inliers: int = 15
     """Least readings of the current scan that agree at a match, or a third of all where those are few."""
 

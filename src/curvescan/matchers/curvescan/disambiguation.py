@@ -26,7 +26,7 @@ _SHARE = 0.7
 # Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn.
 _LEAST_SHIFT = 0.5
 _MAX_CANDIDATES = 8
-_UNSEEN = math.exp(-2.0)  # odds of each thing that the scans cannot show: of 1,744 such pairs it is so in 1 of 8
+_UNSEEN = 1 / 9  # odds of each thing that the scans cannot show: of 1,744 such pairs it is so in one of 8
 _BOX = 2.3  # metres from corner to corner of what agrees: in less a robot turns round
 
 

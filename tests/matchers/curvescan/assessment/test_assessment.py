@@ -8,7 +8,6 @@ import pytest
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import (
     Assessment,
-    along_walls,
     along_weakest_direction,
     assess_pose,
     degenerate_directions,
@@ -16,12 +15,10 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     without_dynamic,
 )
 from curvescan.matchers.curvescan.assessment.confidence import Support
-from curvescan.matchers.curvescan.assessment.evidence import SMALL
 from curvescan.matchers.curvescan.assessment.labels import INLIER, MOVED
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.surfels import X
-from curvescan.matchers.curvescan.prior import WIDE, Prior
-from curvescan.matchers.result import prior_of
+from curvescan.matchers.curvescan.prior import WIDE
 from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, hall_scan, pair, weigh
 
 CONFIG = CurvescanConfig()
@@ -144,7 +141,7 @@ def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
     assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
     poses = np.array([[0.6, 0.0, 0.0], [0.05, 0.0, 0.0], [0.6, 1.0, 0.0]])
-    assert along_weakest_direction(poses, assessment, True, None, CONFIG) == [1]
+    assert along_weakest_direction(poses, assessment, True, CONFIG) == [1]
 
 
 def test_ties_are_what_repeats_along_the_wall_or_all_where_the_first_is_not_sure_alone():
@@ -161,23 +158,14 @@ def test_one_wall_and_little_more_is_no_rival_to_itself_but_named():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
     assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
     poses = np.array([[0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [0.3, 0.6, 0.0], [0.9, 0.0, 1.0]])
-    assert along_weakest_direction(poses, assessment, False, None, CONFIG) == [1]
+    assert along_weakest_direction(poses, assessment, False, CONFIG) == [1]
 
 
-def test_along_one_long_wall_other_places_are_looked_at_but_where_a_guess_says_which():
+def test_along_one_long_wall_other_places_are_no_rivals():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
     pose = np.array([[0.4, 0.0, 0.0]])
-    assessment = assess_pose(ref, cur, pose[0], CONFIG)
-    walls = along_walls(ref, assessment)
-    assert abs(walls[0]) == pytest.approx(1.0, abs=1e-3)
-    assert walls[2] == 0.0
-    known = assessment._replace(information=(1e5, 2e5, 1e6))  # as if people fixed it
-    weighed = weigh(ref, cur, WIDE, pose, [0.8])
-    weighed.evidence[0, SMALL] = 0.5  # people stand about
-    assert weighed.is_one_way
-    guessed = weigh(ref, cur, Prior.of(prior_of(None, pose[0])), pose, [0.8])
-    guessed.evidence[0, SMALL] = 0.5
-    assert not guessed.is_one_way
+    known = assess_pose(ref, cur, pose[0], CONFIG)._replace(information=(1e5, 2e5, 1e6))  # as if people fixed it
+    assert weigh(ref, cur, WIDE, pose, [0.8]).is_along_walls
     others = np.array([[0.4, 0.0, 0.0], [1.3, 0.0, 0.0], [0.4, 0.6, 0.0]])
-    assert along_weakest_direction(others, known, False, walls, CONFIG) == [1]
-    assert along_weakest_direction(others, known, False, None, CONFIG) == []
+    assert along_weakest_direction(others, known, True, CONFIG) == [1]
+    assert along_weakest_direction(others, known, False, CONFIG) == []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
@@ -12,11 +11,10 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.confidence import Support, WeighedPoses, support_of
 from curvescan.matchers.curvescan.assessment.evidence import Compared, gather_evidence
 from curvescan.matchers.curvescan.assessment.information import Open, Row, matrices, pose_information
-from curvescan.matchers.curvescan.assessment.labels import INLIER, MOVED, mark_moved
+from curvescan.matchers.curvescan.assessment.labels import MOVED, mark_moved
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.config import AS_GOOD, LASER_ERROR, NEAR, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
-from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
 from curvescan.matchers.curvescan.pose_difference import distance, is_along
 from curvescan.matchers.curvescan.prior import log_odds
 from curvescan.matchers.curvescan.proposal.scoring import FINE, select
@@ -159,15 +157,12 @@ def assess_best(problem: Problem, weighed: WeighedPoses, assessment: Assessment 
         slid = problem.prior.nearest_along(poses[0], assessment.weakest, config.hypotheses.along_reach)
         priors, wide_priors = log_odds(np.vstack((slid, poses[1:])), problem.prior)
         weighed = replace(weighed, priors=priors, wide_priors=wide_priors)
-    walls = along_walls(ref, assessment) if weighed.is_one_way else None
-    along = along_weakest_direction(poses, assessment, is_open, walls, config)
+    along = along_weakest_direction(poses, assessment, is_open or weighed.is_along_walls, config)
     least = assessment.as_good(config) * weighed.scores[0]
     is_flat = is_open or (assessment.is_weakly_observable(config) and any(weighed.scores[k] > least for k in along))
     others = [k for k in range(1, len(poses)) if distance(poses[k], poses[0]) > NEAR and not (is_flat and k in along)]
     support = support_of(weighed, others)
     ties = [k for k in along if weighed.scores[k] > least] if is_flat else ties_of(support, along, config)
-    if walls is not None:
-        ties = [k for k in along if k in ties or weighed.is_as_likely(k)]
     is_degenerate = is_flat or len(ties) > 0, second, third
     return AssessedPose(
         weighed=weighed,
@@ -180,19 +175,12 @@ def assess_best(problem: Problem, weighed: WeighedPoses, assessment: Assessment 
     )
 
 
-def along_weakest_direction(
-    poses: Floats, assessment: Assessment, is_open: bool, walls: Pose | None, config: CurvescanConfig
-) -> list[int]:
-    """Return the rows of the poses that differ from the first by a motion along its weakest direction, if weak or open.
-
-    Or along the `walls`, where nearly all that agrees runs their way.
-    """
-    rules = config.information
-    is_weak = assessment.information[0] < 2.0 * rules.degenerate_ratio * assessment.information[1]
-    directions = [] if walls is None else [walls]
-    if is_weak or is_open:
-        directions.append(assessment.weakest)
-    return [k for k in range(1, len(poses)) if any(is_along(one, poses[0], poses[k], 0.5 * NEAR) for one in directions)]
+def along_weakest_direction(poses: Floats, assessment: Assessment, is_open: bool, config: CurvescanConfig) -> list[int]:
+    """Return the rows of the poses that differ from the first along its weakest direction, if that is weak or open."""
+    least = 2.0 * config.information.degenerate_ratio * assessment.information[1]
+    if not is_open and assessment.information[0] >= least:
+        return []
+    return [k for k in range(1, len(poses)) if is_along(assessment.weakest, poses[0], poses[k], 0.5 * NEAR)]
 
 
 def ties_of(support: Support, along: list[int], config: CurvescanConfig) -> list[int]:
@@ -203,11 +191,3 @@ def ties_of(support: Support, along: list[int], config: CurvescanConfig) -> list
     if support.probabilities(ties)[0] < config.scoring.min_confidence:
         ties = [k for k in along if k in support.rivals]
     return ties
-
-
-def along_walls(ref: CurvescanFeatures, assessment: Assessment) -> Pose:
-    """Return (3,) the motion of 1 m along the surfaces of the reference that agree."""
-    agreeing = ref.image.surfels[assessment.codes_ref == INLIER]
-    length, nx, ny = agreeing[:, LENGTH], agreeing[:, NX], agreeing[:, NY]
-    facing = 0.5 * math.atan2(length @ (2.0 * nx * ny), length @ (nx * nx - ny * ny))
-    return np.array([-math.sin(facing), math.cos(facing), 0.0])

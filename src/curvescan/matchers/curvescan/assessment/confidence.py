@@ -67,7 +67,6 @@ _DOUBTFUL = 0.1  # of what agrees: a pose of which more is contradicted is in do
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
 _HOPELESS = -2.0  # log odds: of 13,571 pairs none that is turned away so would match
 _MAX_LOG_ODDS = 60  # beyond it a probability is 0 or 1
-_AS_LIKELY = 0.5  # log odds by which a place along one long wall may be less likely than the best
 _ONE_WAY = 0.12  # of what agrees: less of it runs across the rest in a corridor
 
 
@@ -171,17 +170,8 @@ class WeighedPoses:
 
     @property
     def is_along_walls(self) -> bool:
-        """Whether nearly all surface that agrees at the first pose runs one way, as in a corridor."""
-        return bool(self._rows[0][WEAKEST] < _ONE_WAY * self._rows[0][AGREEING])
-
-    @property
-    def is_one_way(self) -> bool:
-        """Whether nearly all surface that agrees runs one way, people are about, and no guess lies there."""
-        return bool(self.is_along_walls and self._rows[0][SMALL] > ANY and not self.is_told(0))
-
-    def is_as_likely(self, k: int) -> bool:
-        """Return whether pose k is hardly less likely than the first."""
-        return self.rank(k) > self.rank(0) - _AS_LIKELY
+        """Whether nearly all surface that agrees at the first pose runs one way, and no guess lies there."""
+        return bool(self._rows[0][WEAKEST] < _ONE_WAY * self._rows[0][AGREEING] and not self.is_told(0))
 
     def explains_more(self, k: int) -> bool:
         """Return whether walls contradict the first pose, and more agrees at pose k, and better.
