@@ -68,7 +68,7 @@ def cost_of(members: list[Closure], graph: PoseGraph, alone: Floats) -> float:
 
 def is_refused(one: Closure, poses: Pose, config: SlamConfig) -> bool:
     """Return whether a match failed, or contradicts the poses of a finished map, (n, 3)."""
-    off = difference(se2.between(poses[one.i], poses[one.j]), one.pose) if math.isfinite(one.distance) else one.pose
+    off = difference(se2.between(poses[one.i], poses[one.j]), one.pose) if math.isfinite(one.pose[0]) else one.pose
     return not off @ np.linalg.solve(one.covariance + config.noise.spread, off) < GATE
 
 
