@@ -18,7 +18,6 @@ import numpy as np
 import curvescan as cs
 from closures import FALSE_M, FALSE_RAD
 from curvescan import se2
-from curvescan.deskew import middle_of_sweep
 from curvescan.evaluation.trajectory_errors import ate
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -29,7 +28,7 @@ from curvescan.simulation.driving.pursuit import at_start, follow, smooth
 from curvescan.slam import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Floats, Points, Pose
-from localization_tasks import FLOORS, with_closed_doors, with_moved_things
+from localization_tasks import FLOORS, in_the_middle, with_closed_doors, with_moved_things
 
 _DRIVE = Drive(speed=0.8)
 
@@ -261,10 +260,7 @@ def recorded(kind: str, seed: int, *, has_wheels: bool) -> tuple[MemoryLog, Pose
     truth = np.concatenate([poses for _, poses, _ in laps])
     stamps = np.array([scan.stamp for scan in scans])
     wheels = Trajectory(stamps=stamps, poses=_drifting(truth, seed)) if has_wheels else None
-    onward = se2.log(se2.between(truth[:-1], truth[1:]))
-    by_middle = middle_of_sweep(scans[0]) / sensor.period * np.concatenate((onward, onward[-1:]))
-    truth = se2.compose(truth, se2.exp(by_middle))
-    return MemoryLog(scans=tuple(scans), odometry=wheels, name=f"{kind} {seed}"), truth
+    return MemoryLog(scans=tuple(scans), odometry=wheels, name=f"{kind} {seed}"), in_the_middle(truth, sensor)
 
 
 def _drifting(truth: Pose, seed: int) -> Pose:

@@ -176,6 +176,7 @@ def task_of_floor(
     slam.finish()
     later = replace(with_moved_things(built, moved_share, seed), route=np.empty((0, 2)))
     later = with_closed_doors(later, n_closed, seed)
+    sensor = SENSORS[sensor] if isinstance(sensor, str) else sensor
     drive = simulate(later, sensor=sensor, seed=seed + 1000, n_scans=n_test, n_people=n_people, odometry_noise=None)
     return _task(
         f"{world} {seed}"
@@ -183,11 +184,19 @@ def task_of_floor(
         + f", {n_closed} closed" * (n_closed > 0),
         slam.map,
         list(drive),
-        drive.truth.poses,
-        lap.truth.poses,
+        in_the_middle(drive.truth.poses, sensor),
+        in_the_middle(lap.truth.poses, sensor),
         np.ones(len(drive), dtype=np.bool_),
         is_true=True,
     )
+
+
+def in_the_middle(poses: Pose, sensor: Sensor) -> Pose:
+    """Return the poses (n, 3) of a sensor in the middle of each sweep, given those at its first beam."""
+    onward = se2.log(se2.between(poses[:-1], poses[1:]))
+    share = 0.5 * sensor.time_increment * (sensor.n_beams - 1) / sensor.period
+    moved: Pose = se2.compose(poses, se2.exp(share * np.concatenate((onward, onward[-1:]))))
+    return moved
 
 
 def with_moved_things(world: World, share: float, seed: int) -> World:

@@ -105,9 +105,9 @@ class Keyframes:
         if result.degenerate_direction is None:
             return result
         x, y, turn = result.degenerate_direction.tolist()
-        if math.hypot(x, y) <= abs(turn):
-            return replace(result, outcome=Outcome.UNCONSTRAINED, pose=NO_POSE, covariance=NO_COVARIANCE)
         seen = reference.scan.points[reference.scan.valid]
+        if math.hypot(x, y) <= abs(turn) * np.median(np.hypot(*seen.T)):  # about a point among what is seen
+            return replace(result, outcome=Outcome.UNCONSTRAINED, pose=NO_POSE, covariance=NO_COVARIANCE)
         return replace(result, degenerate_direction=along_walls(seen, result.degenerate_direction))
 
     def prepare(self, scan: LaserScan) -> PreparedScan:
