@@ -6,13 +6,15 @@ poses, a loop closure those since it; places that hold too many keyframes lose t
 
 from __future__ import annotations
 
+import math
 from itertools import accumulate
 
 import numpy as np
 
 from curvescan import se2
+from curvescan.matchers.result import WIDE_SIGMA, log_odds
 from curvescan.odometry.gaps import LOST_COVARIANCE
-from curvescan.odometry.measurement import as_measurement
+from curvescan.odometry.measurement import CERTAIN, as_measurement
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.config import GATE, NoiseConfig, SlamConfig
@@ -88,7 +90,7 @@ class GrowingMap:
         """Take the next keyframe, tie it to the one before it, and return its row.
 
         The match of both counts in the directions that it measures, the odometry's motion in the others; where the two
-        contradict each other the motion counts, and is as uncertain as they differ.
+        contradict each other the motion counts, and is as uncertain as they differ, so far as it may have slipped.
         """
         noise, k = self.config.noise, self.keyframes.add(scan, index, self._session)
         before = k - 1
@@ -102,7 +104,10 @@ class GrowingMap:
             fused, distance = fuse(step, found)
             if distance >= GATE:
                 off = difference(step.pose, found.pose)
-                step = UncertainPose(step.pose, step.covariance + np.outer(off, off))
+                # odds of a slip, Student's t of three degrees of freedom, against a wrong match anywhere along there
+                slips = WIDE_SIGMA[0] * math.sqrt(distance) / (1.0 + distance / 3) ** 2
+                errs = math.exp(-log_odds(result.confidence, unknown=CERTAIN)) * math.hypot(off[0], off[1])
+                step = UncertainPose(step.pose, step.covariance + slips / (slips + errs) * np.outer(off, off))
             elif result.degenerate_direction is None:
                 step, self._open_way, kind = found, 0.0, EdgeKind.MATCH
             else:

@@ -17,10 +17,7 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Floats, Ints, Points, Pose
 
 _APART_M = 0.05
-"""Readings farther apart across an open direction are of different walls, metres."""
-
-_FLAT = 0.01
-"""A wall has less variance across than this share of that along."""
+"""Readings farther apart across an open direction are of different walls, metres; nearer are a tenth of all in one."""
 
 _SHIFTS = _APART_M * np.arange(-20, 21)
 """Places that are tried, metres along: within a metre of the match."""
@@ -89,24 +86,23 @@ def _count(points: Points, angles: Floats, ranges: Floats, gap: float, poses: Po
 def along_walls(points: Points, direction: Pose) -> Pose:
     """Return an open direction, (x, y, theta), turned to how the walls beside it run, of length 1 and without its turn.
 
-    A match has it by the normals of single readings, to some milliradians: of one that stands still a way of 2 m seems
-    to lead 4 mm into the wall, and many edges shorten the corridor by a tenth. The walls run straight over metres, and
-    say it to 0.2 milliradians. A turn, little in a way of 1 m, would open the heading where it is 100 m.
+    A match has it by the normals of single readings, to some milliradians, and many such edges shorten a corridor by a
+    tenth. Its walls say it to 0.2 milliradians. A turn, little in a way of 1 m, would open the heading in 100 m.
 
     points (n, 2): of the reference scan, in whose frame the direction is.
     """
     along = direction[:2] / np.hypot(direction[0], direction[1])
+    m = len(points) // 20
     for _ in range(3):  # two walls in one line part only where the direction is nearly right
         across = np.array([-along[1], along[0]])
         order = np.argsort(points @ across, kind="stable")
         x, y = points[order] @ along, points[order] @ across
+        # not what crosses the way: jambs, and the end of the corridor
+        is_wall = y[2 * m :] - y[: len(y) - 2 * m] < _APART_M
+        x, y = x[m : len(x) - m][is_wall], y[m : len(y) - m][is_wall]
         wall = np.cumsum(np.diff(y, prepend=y[:1]) > _APART_M)
-        n = np.bincount(wall)
-        x -= (np.bincount(wall, x) / n)[wall]
-        y -= (np.bincount(wall, y) / n)[wall]
-        is_flat = (np.bincount(wall, y * y) < _FLAT * np.bincount(wall, x * x))[wall]
-        if not is_flat.any():
-            break
-        along = along + float(np.sum((x * y)[is_flat]) / np.sum((x * x)[is_flat])) * across
+        for one in (x, y):
+            one -= (np.bincount(wall, one) / np.bincount(wall))[wall]
+        along = along + float(x @ y / (x @ x or 1.0)) * across
         along /= np.hypot(along[0], along[1])
     return np.array([*along, 0.0])

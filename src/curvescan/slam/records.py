@@ -52,8 +52,7 @@ class Records:
     def trajectory(self, poses: Pose, covariances: Cov) -> Trajectory:
         """Return all poses so far, by those of the keyframes, (n, 3), and their covariances, (n, 3, 3)."""
         scans = self._scans.array
-        relative = scans["relative"]
-        stretches = self._stretches.array[scans["stretch"]]
+        relative, stretches = scans["relative"], self._stretches.array[scans["stretch"]]
         first = stretches["first"]
         found = se2.compose(poses[first], relative)
         in_map = composed_covariances(poses[first], covariances[first], UncertainPose(relative, scans["covariance"]))
