@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,20 @@ def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() 
     assert sigma[:, 2].max() < 0.01
     # what the odometry may slip grows with the way
     assert (np.diff(sigma[:, 0]) > 0.0).all()
+
+
+@pytest.mark.parametrize(("off", "least", "most"), [(0.3, 0.15, 0.35), (4.0, 0.0, 0.5)])
+def test_a_motion_is_doubted_as_far_as_it_may_have_slipped(
+    scans: list[cs.LaserScan], monkeypatch: pytest.MonkeyPatch, off: float, least: float, most: float
+) -> None:
+    """A match that is as likely as not tells of a slip where it is decimetres off, and of another room where one is."""
+    growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
+    growing.start(scans[0], 0, np.zeros(3))
+    seen = replace(growing.keyframes.match(0, growing.keyframes.prepare(scans[1]), None), confidence=0.52)
+    monkeypatch.setattr(growing.keyframes, "match", lambda *_: seen)
+    growing.append(scans[1], 1, UncertainPose(seen.pose + [off, 0.0, 0.0], np.diag([0.05, 0.05, 0.01]) ** 2))
+    assert growing.graph.kinds[0] == EdgeKind.MOTION
+    assert least < np.sqrt(growing.graph.edge_covariances[0, 0, 0]) < most
 
 
 def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(scans: list[cs.LaserScan]) -> None:

@@ -32,6 +32,13 @@ def test_a_direction_turns_along_the_walls(tilt):
     assert abs(np.arctan2(found[1], found[0]) - ANGLE) < 0.001
 
 
+def test_what_crosses_a_corridor_does_not_turn_its_direction() -> None:
+    x = np.linspace(-1.0, 8.0, 200)
+    jamb = np.column_stack((np.full(12, 7.5), np.linspace(-1.0, -0.7, 12)))
+    points = np.concatenate((np.column_stack((x, np.full(200, -1.0))), jamb))
+    assert abs(along_walls(points, np.array([1.0, 0.0, 0.0]))[1]) < 0.0005
+
+
 def test_a_direction_stays_as_it_is_where_there_are_no_walls():
     cloud = np.random.default_rng(3).uniform(-5.0, 5.0, (5000, 2))
     np.testing.assert_array_equal(along_walls(cloud, np.array([1.0, 0.0, 0.0])), [1.0, 0.0, 0.0])

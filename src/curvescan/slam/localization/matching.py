@@ -102,7 +102,8 @@ class MapMatcher:
         found = as_measurement(result)
         found = UncertainPose(found.pose, found.covariance + self._config.noise.floor)
         exact = UncertainPose(self._map.poses[k], np.zeros((3, 3)))
-        return Hit(keyframe=k, here=compose(exact, found), score=_weight(result.confidence) * result.score)
+        sure = log_odds(result.confidence, unknown=0.5 * MOST_ODDS) / MOST_ODDS
+        return Hit(keyframe=k, here=compose(exact, found), score=min(max(sure, 0.0), 1.0) * result.score)
 
     def seen_from(self, expected: UncertainPose, keyframe: int, hit: Hit) -> UncertainPose:
         """Return what is expected by one keyframe, with what the map errs between it and the keyframe of a match.
@@ -163,17 +164,11 @@ class MapMatcher:
 
 def fused(hits: list[Hit]) -> UncertainPose:
     """Return the pose that matches of one scan say together: they share its noise, and count as one."""
-    share = float(len(hits))
-    total = UncertainPose(hits[0].here.pose, share * hits[0].here.covariance)
-    for hit in hits[1:]:
-        total, _ = fuse(total, UncertainPose(hit.here.pose, share * hit.here.covariance))
+    total, *others = (UncertainPose(hit.here.pose, len(hits) * hit.here.covariance) for hit in hits)
+    for one in others:
+        total, _ = fuse(total, one)
     return total
 
 
 def _agree(expected: UncertainPose, hit: Hit) -> bool:
     return fuse(expected, hit.here)[1] < GATE
-
-
-def _weight(confidence: float) -> float:
-    """Return what a match of some confidence weighs, by its log odds; a half where the matcher gives none."""
-    return min(max(log_odds(confidence, unknown=0.5 * MOST_ODDS) / MOST_ODDS, 0.0), 1.0)
