@@ -52,7 +52,7 @@ def test_a_motion_is_doubted_as_far_as_it_may_have_slipped(
     growing.start(scans[0], 0, np.zeros(3))
     seen = replace(growing.keyframes.match(0, growing.keyframes.prepare(scans[1]), None), confidence=0.52)
     monkeypatch.setattr(growing.keyframes, "match", lambda *_: seen)
-    growing.append(scans[1], 1, UncertainPose(seen.pose + [off, 0.0, 0.0], np.diag([0.05, 0.05, 0.01]) ** 2))
+    growing.append(scans[1], 1, UncertainPose(seen.pose + np.array([off, 0.0, 0.0]), np.diag([0.0025, 0.0025, 1e-4])))
     assert growing.graph.kinds[0] == EdgeKind.MOTION
     assert least < np.sqrt(growing.graph.edge_covariances[0, 0, 0]) < most
 
