@@ -17,7 +17,7 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Floats, Ints, Points, Pose
 
 _APART_M = 0.05
-"""Readings farther apart across an open direction are of different walls, metres; nearer are a tenth of all in one."""
+"""Readings farther apart across an open direction are of different walls, metres; nearer are a 16th of all in one."""
 
 _SHIFTS = _APART_M * np.arange(-20, 21)
 """Places that are tried, metres along: within a metre of the match."""
@@ -47,7 +47,7 @@ def placed(found: UncertainPose, along: Pose, reference: LaserScan, current: Las
 
 def n_through(reference: LaserScan, current: LaserScan, poses: Pose) -> Ints:
     """Return (k,) how many readings of two scans the other one sees through, with the current one at (k, 3) poses."""
-    noise = (float(np.median(np.abs(np.diff(one.ranges[one.valid], 2)))) for one in (reference, current))  # times 1.7
+    noise = [float(np.median(np.abs(np.diff(one.ranges[one.valid], 2)))) for one in (reference, current)]  # times 1.7
     margin = max(_APART_M, math.hypot(*noise))
     found = _n_seen_through(current, reference, poses, margin)
     return np.asarray(found + _n_seen_through(reference, current, se2.inverse(poses), margin))
@@ -91,7 +91,7 @@ def along_walls(points: Points, direction: Pose) -> Pose:
 
     points (n, 2): of the reference scan, in whose frame the direction is.
     """
-    along, m = direction[:2] / np.hypot(*direction[:2]), len(points) // 20
+    along, m = direction[:2] / np.hypot(*direction[:2]), len(points) // 32
     for _ in range(3):  # two walls in one line part only where the direction is nearly right
         across = np.array([-along[1], along[0]])
         order = np.argsort(points @ across, kind="stable")
