@@ -260,7 +260,8 @@ def recorded(kind: str, seed: int, *, has_wheels: bool) -> tuple[MemoryLog, Pose
     truth = np.concatenate([poses for _, poses, _ in laps])
     stamps = np.array([scan.stamp for scan in scans])
     wheels = Trajectory(stamps=stamps, poses=_drifting(truth, seed)) if has_wheels else None
-    return MemoryLog(scans=tuple(scans), odometry=wheels, name=f"{kind} {seed}"), in_the_middle(truth, sensor)
+    truth = in_the_middle(truth, scans[0], sensor.period)
+    return MemoryLog(scans=tuple(scans), odometry=wheels, name=f"{kind} {seed}"), truth
 
 
 def _drifting(truth: Pose, seed: int) -> Pose:

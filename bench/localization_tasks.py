@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from curvescan import se2
+from curvescan.deskew import middle_of_sweep
 from curvescan.evaluation.relations import associate
 from curvescan.io.reading import read_log, read_poses
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -176,7 +177,6 @@ def task_of_floor(
     slam.finish()
     later = replace(with_moved_things(built, moved_share, seed), route=np.empty((0, 2)))
     later = with_closed_doors(later, n_closed, seed)
-    sensor = SENSORS[sensor] if isinstance(sensor, str) else sensor
     drive = simulate(later, sensor=sensor, seed=seed + 1000, n_scans=n_test, n_people=n_people, odometry_noise=None)
     return _task(
         f"{world} {seed}"
@@ -184,17 +184,20 @@ def task_of_floor(
         + f", {n_closed} closed" * (n_closed > 0),
         slam.map,
         list(drive),
-        in_the_middle(drive.truth.poses, sensor),
-        in_the_middle(lap.truth.poses, sensor),
+        in_the_middle(drive.truth.poses, drive[0], drive.sensor.period),
+        in_the_middle(lap.truth.poses, lap[0], lap.sensor.period),
         np.ones(len(drive), dtype=np.bool_),
         is_true=True,
     )
 
 
-def in_the_middle(poses: Pose, sensor: Sensor) -> Pose:
-    """Return the poses (n, 3) of a sensor in the middle of each sweep, given those at its first beam."""
+def in_the_middle(poses: Pose, scan: LaserScan, period: float) -> Pose:
+    """Return the poses (n, 3) of a sensor in the middle of each sweep, given those at its first beam.
+
+    scan: Any of them; period: From one to the next, seconds.
+    """
     onward = se2.log(se2.between(poses[:-1], poses[1:]))
-    share = 0.5 * sensor.time_increment * (sensor.n_beams - 1) / sensor.period
+    share = middle_of_sweep(scan) / period
     moved: Pose = se2.compose(poses, se2.exp(share * np.concatenate((onward, onward[-1:]))))
     return moved
 
