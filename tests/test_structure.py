@@ -219,7 +219,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "runs/batch": (1632, 5, 0),
     "se2": (383, 0, 0),
     "simulation": (1947, 85, 0),
-    "slam": (3994, 55, 18),
+    "slam": (3993, 55, 18),
 }
 """Lines, tuned numbers and config fields that a room may have: they go down, and this table with them."""
 

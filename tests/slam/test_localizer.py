@@ -95,6 +95,21 @@ def test_one_scan_alone_is_located(stored: SlamMap) -> None:
 
 
 @pytest.mark.slow
+def test_people_in_front_of_its_walls_hide_no_place(stored: SlamMap) -> None:
+    poses, rng = lap(start=0.4)[:1], np.random.default_rng(7)
+    places = rng.uniform((0.4, 0.4), (8.5, 6.5), (200, 2))
+    apart = np.hypot(*(places - poses[0, :2]).T)
+    people = np.column_stack((places, np.full(200, 0.2)))[(apart > 0.7) & (apart < 3.0)][:8]
+    scan = scans(poses, world=replace(ROOM, circles=np.vstack((ROOM.circles, people))), seed=9)[0]
+    localizer = cs.Localizer(stored)
+    true = se2.between(lap()[0], poses[0])
+    assert localizer._matching.field.agreement(scan.points[scan.valid], true) < 0.5
+    step = localizer.add(scan)
+    assert step.outcome is StepOutcome.FOUND
+    assert np.hypot(*(step.pose[:2] - true[:2])) < 0.05
+
+
+@pytest.mark.slow
 def test_walls_hold_a_scan_along_what_its_matches_leave_open(stored: SlamMap, monkeypatch: pytest.MonkeyPatch) -> None:
     localizer = cs.Localizer(stored)
     around = localizer._matching.around

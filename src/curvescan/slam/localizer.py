@@ -27,12 +27,13 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.localization.correlative import STEP_M, STEP_RAD, contour_length, is_same
+from curvescan.slam.localization.correlative import STEP_M, STEP_RAD, is_same
 from curvescan.slam.localization.field import points_of
 from curvescan.slam.localization.grid_map import opened, with_field
 from curvescan.slam.localization.matching import WORSE, Hit, MapMatcher, fused
 from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, Views, said
+from curvescan.slam.loops.closures import is_certain
 from curvescan.slam.map import SlamMap
 from curvescan.types import Pose
 
@@ -148,7 +149,7 @@ class Localizer:
     def tells(self, scan: LaserScan, pose: Pose) -> bool:
         """Return whether a scan alone speaks clearly more for a (3,) pose in the map than for any other place."""
         points = points_of(scan)
-        view = said(contour_length(points), self._matching.field.agreement(points, pose))
+        view = said(points, self._matching.field.agreement(points, pose))
         return self._search.look(scan).is_best(pose, view.by_walls)
 
     def _look(self, scan: LaserScan, step: Step) -> Step:
@@ -180,7 +181,7 @@ class Localizer:
         hits = self._matching.settled(points, found)
         now = fuse(self._matching.seen_from(expected, fix.keyframe, hits[0]), fused(hits))[0] if hits else expected
         fit = field.agreement(points, now.pose)
-        view = said(contour_length(points), fit).by_walls
+        view = said(points, fit).by_walls
         prior = float(self._search.known(self._prior, now.pose[np.newaxis])[0])
         if hits and fit > 0.0 and (alone is None or alone.is_best(now.pose, view + prior)):
             return self._take(step, StepOutcome.TRACKED, now, hits, view)
@@ -209,7 +210,7 @@ class Localizer:
         worse = max(WORSE, matching.misfit(hits[0].keyframe))
         fit, least = (matching.field.agreement(points, pose) for pose in (here.pose, place.pose))
         is_worse = fit < max(0.0, least - worse)
-        return [] if is_worse or matching.is_open(here) or not is_same(place.pose, here.pose) else hits
+        return [] if is_worse or not is_certain(here, self.config) or not is_same(place.pose, here.pose) else hits
 
     def _take(
         self, step: Step, outcome: StepOutcome, here: UncertainPose, hits: Sequence[Hit], view: float = 0.0

@@ -8,7 +8,7 @@ import pytest
 import curvescan as cs
 from curvescan import se2
 from curvescan.slam import SlamMap
-from curvescan.slam.localization.field import ON_WALL_M, REACH_M, DistanceField, counts, field_of
+from curvescan.slam.localization.field import ON_WALL_M, REACH_M, DistanceField, counts, field_of, points_of
 from tests.slam.map_example import FILE, ROOM, lap, scans
 
 
@@ -108,3 +108,19 @@ def test_what_most_beams_pass_is_a_wall_and_not_solid() -> None:
     # what stood there once, and a hundred looks found gone, is no wall
     field = field_of(_ring_map(near, *[far] * 100))
     assert counts(field, points[0].points, np.zeros(3))[0] < 0.05 * 360
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_people_in_the_open_say_nothing_of_a_building(way: int) -> None:
+    ranges = np.full(181, 4.0)
+    ranges[:20] = 1.0  # how far what stands at the edge of the view goes on is not known
+    ranges[80:90] = 2.0  # somebody, 0.35 m wide
+    ranges[110:150] = 2.5  # a cupboard of 1.8 m
+    ranges[165:168] = 3.8  # a jamb, as good as in the wall
+    ranges[60] = np.nan
+    scan = cs.LaserScan(ranges, angle_min=-way * np.pi / 2.0, angle_increment=way * np.pi / 180.0, range_max=8.0)
+    shown = np.ones(181, dtype=np.bool_)
+    shown[[60, *range(80, 90)]] = False
+    assert np.array_equal(points_of(scan), scan.points[shown])
+    nothing = cs.LaserScan(np.full(181, np.nan), angle_min=-1.5, angle_increment=0.02, range_max=8.0)
+    assert points_of(nothing).shape == (0, 2)

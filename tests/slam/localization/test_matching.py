@@ -15,6 +15,7 @@ from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.field import DistanceField, field_of
 from curvescan.slam.localization.matching import Hit, MapMatcher, fused
+from curvescan.slam.loops.closures import is_certain
 from tests.slam.map_example import FILE, lap, scans
 
 
@@ -100,8 +101,8 @@ def test_the_end_of_a_corridor_holds_what_a_match_leaves_open(
     place = UncertainPose(np.zeros(3), np.diag(np.square([0.15, 0.15, 0.06])))
     slid, fixed = _hit(0.6, (10.0, 0.01)), _hit(0.02, (0.01, 0.01))
     held, as_before = at.held(points, place, [slid, fixed])
-    assert at.is_open(slid.here)
-    assert at.is_open(held.here) is not is_held
+    assert not is_certain(slid.here, SlamConfig())
+    assert is_certain(held.here, SlamConfig()) is is_held
     assert as_before is fixed
     if is_held:
         assert abs(held.here.pose[0]) < 0.01

@@ -27,7 +27,7 @@ ON_WALL_M = 0.12
 
 REACH_M = 0.4
 """A beam passes through a wall that stands this far before its end, metres; while places are searched for, readings
-that end farther from a wall than this say nothing."""
+that end farther from a wall than this say nothing. So far apart, neighbouring readings are of two things."""
 
 _WORN = 0.45
 """A reading shows a wall until about four keyframes look through it for each that sees it there: legs, rims and rough
@@ -62,8 +62,19 @@ class DistanceField(NamedTuple):
 
 
 def points_of(scan: LaserScan) -> Points:
-    """Return the valid readings of a scan in the frame of the sensor."""
-    return np.ascontiguousarray(scan.points[scan.valid])
+    """Return what a scan shows of a building: its readings, in its frame, without what comes and goes.
+
+    That is what stands in front of what is seen on both sides, and is no wider than two people.
+    """
+    points = np.ascontiguousarray(scan.points[scan.valid])
+    reach, cuts = np.hypot(*points.T), np.flatnonzero(np.hypot(*np.diff(points, axis=0).T) > REACH_M)
+    if len(cuts) < 2:
+        return points
+    first, last = np.append(0, cuts + 1), np.append(cuts, len(points) - 1)
+    before, after = np.append(0.0, reach[last[:-1]]), np.append(reach[first[1:]], 0.0)
+    comes_and_goes = (reach[first] < before) & (reach[last] < after)
+    comes_and_goes &= np.hypot(*(points[last] - points[first]).T) < 2 * REACH_M
+    return np.ascontiguousarray(points[~np.repeat(comes_and_goes, last - first + 1)])
 
 
 def field_of(slam_map: SlamMap) -> DistanceField:

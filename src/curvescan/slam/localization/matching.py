@@ -75,18 +75,16 @@ class MapMatcher:
         apart = np.hypot(relative[:, 0], relative[:, 1])
         order = np.argsort(-overlap / (1.0 + apart / (0.5 * _REACH_M)), kind="stable")[: 2 * _N_FUSED]
         order = order[overlap[order] >= _LEAST_OVERLAP]
-        if not len(order):
-            return [], False
         current = self._keyframes.prepare(scan)
         known = GUESS_COVARIANCE if is_known else WIDE_PRIOR.covariance
         hits: list[Hit] = []
         for row in order.tolist():
             hit = self._hit(int(near[row]), current, UncertainPose(relative[row], known))
-            if hit is not None and _agree(self.seen_from(expected, seen_from, hit), hit):
+            if hit is not None and fuse(self.seen_from(expected, seen_from, hit), hit.here)[1] < GATE:
                 hits.append(hit)
                 if len(hits) == _N_FUSED:
                     break
-        return hits, bool(overlap[order[0]] >= self._config.closures.min_overlap)
+        return hits, bool((overlap[order[:1]] >= self._config.closures.min_overlap).any())
 
     def similar(self, scan: LaserScan) -> list[Hit]:
         """Return matches without a guess with keyframes that look like a scan; none that leave a direction open."""
@@ -126,20 +124,16 @@ class MapMatcher:
         missing = [1.0 - self.misfit(hit.keyframe) - self.field.agreement(points, hit.here.pose) for hit in hits]
         first = hits[int(np.argmax([SCORE * hit.score - m for hit, m in zip(hits, missing, strict=True)]))]
         others = [hit._replace(here=self.seen_from(hit.here, first.keyframe, hit)) for hit in hits if hit is not first]
-        return [first, *(hit for hit in others if _agree(first.here, hit))]
+        return [first, *(hit for hit in others if fuse(first.here, hit.here)[1] < GATE)]
 
     def held(self, points: Points, place: UncertainPose, hits: list[Hit]) -> list[Hit]:
         """Return matches of one scan; what they leave open is held by the place that its walls speak for."""
         return [
             hit._replace(here=fuse(place, hit.here)[0])
-            if self.is_open(hit.here) and self._is_held(points, place.pose, hit.here)
+            if not is_certain(hit.here, self._config) and self._is_held(points, place.pose, hit.here)
             else hit
             for hit in hits
         ]
-
-    def is_open(self, here: UncertainPose) -> bool:
-        """Return whether a direction of a pose is not known well enough."""
-        return not is_certain(here, self._config)
 
     def _is_held(self, points: Points, place: Pose, here: UncertainPose) -> bool:
         """Return whether the map agrees less with a scan that is shifted along what a pose leaves open."""
@@ -168,7 +162,3 @@ def fused(hits: list[Hit]) -> UncertainPose:
     for one in others:
         total, _ = fuse(total, one)
     return total
-
-
-def _agree(expected: UncertainPose, hit: Hit) -> bool:
-    return fuse(expected, hit.here)[1] < GATE

@@ -112,7 +112,7 @@ class MapSearch:
         since; matched: Of the scan, without a guess.
         """
         points = points_of(scan)
-        few, contour = thinned(points), contour_length(points)
+        few = thinned(points)
         # walls alone are ended on elsewhere as well: of more poses the free space between them chooses
         poses = likely_poses(self.field, self._places_like(scan), few, _N_LIKELY * N_TRIED)
         if prior is not None:
@@ -133,7 +133,7 @@ class MapSearch:
                 continue
             # a match with a keyframe tells more than the walls of a map that is bent, or has changed
             score = max((hit.score for hit in matched if is_same(hit.here.pose, pose)), default=0.0)
-            view = said(contour, self.field.agreement(points, pose), score)
+            view = said(points, self.field.agreement(points, pose), score)
             # the sensor may have come into the map with the view before, where it was expected also with this one
             least = 0.0 if likely > 0.0 else -_MOST_AGAINST
             so_far = supports[k] if k < len(earlier) else missed
@@ -158,12 +158,9 @@ class MapSearch:
         return np.ascontiguousarray(self._places[order])
 
 
-def said(contour: float, fit: float, score: float = 0.0) -> Said:
-    """Return how much a scan speaks for a pose.
-
-    By its contour, metres, how well the map agrees there, and the score of a match.
-    """
-    share = min(contour / _CONTOUR_M, 1.0)
+def said(points: Points, fit: float, score: float = 0.0) -> Said:
+    """Return how much a scan (n, 2) speaks for a pose, by how well the map agrees there, and the score of a match."""
+    share = min(contour_length(points) / _CONTOUR_M, 1.0)
     return Said(share * (fit + SCORE * score - _NEUTRAL), share * (fit - _NEUTRAL))
 
 
