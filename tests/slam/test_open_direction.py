@@ -1,5 +1,8 @@
 """Open directions run along the walls, however roughly a match has them, and doors tell the place along them."""
 
+from collections.abc import Sequence
+from itertools import zip_longest
+
 import numpy as np
 import pytest
 
@@ -44,13 +47,20 @@ def test_a_direction_stays_as_it_is_where_there_are_no_walls():
     np.testing.assert_array_equal(along_walls(cloud, np.array([1.0, 0.0, 0.0])), [1.0, 0.0, 0.0])
 
 
-def views(doors: list[float], poses: list[list[float]]) -> list[cs.LaserScan]:
-    """Return what half a circle sees from poses in a corridor along x; doors: where its walls stand back by 0.2 m."""
+def views(doors: list[float], poses: list[list[float]], people: Sequence[float] = ()) -> list[cs.LaserScan]:
+    """Return what half a circle sees from poses in a corridor along x.
+
+    doors: Where its walls stand back by 0.2 m; people: Where somebody stands between them, for each pose.
+    """
     steps = [[-30.0, 0.0]] + [[x + dx, y] for x in doors for dx, y in ((0.0, 0.0), (0.0, 0.2), (0.9, 0.2), (0.9, 0.0))]
     line = np.array([*steps, [30.0, 0.0]])
     left, right = line + np.array([0.0, 1.0]), line * np.array([1.0, -1.0]) - np.array([0.7, 1.2])
     walls = np.vstack([np.hstack((one[:-1], one[1:])) for one in (left, right)])
-    return list(cs.simulate(World(walls=walls), sensor="sick-lms200", poses=np.array(poses), odometry_noise=None))
+    seen = []
+    for pose, x in zip_longest(poses, people):
+        world = World(walls=walls, circles=np.empty((0, 3)) if x is None else np.array([[x, -0.1, 0.2]]))
+        seen += cs.simulate(world, sensor="sick-lms200", poses=np.array([pose]), odometry_noise=None)
+    return seen
 
 
 FACING = [[0.0, 0.0, 0.0], [5.0, 0.1, np.pi]]
@@ -72,6 +82,16 @@ def test_views_that_face_each_other_see_through_each_other_where_doors_are_elsew
     np.testing.assert_allclose(off, 0.0, atol=0.06)
     assert 0.09 < np.sqrt(found.covariance[0, 0]) < 0.5
     np.linalg.cholesky(found.covariance)
+
+
+@pytest.mark.parametrize("gone", [-0.6, -0.4, 0.4])
+@pytest.mark.parametrize(("doors", "is_told"), [([3.5], False), ([-4.0, 1.6, 3.5, 7.0], True)])
+def test_where_somebody_has_walked_tells_no_place(doors, is_told, gone):
+    onward = np.array([[0.0, 0.0, 0.0], [0.6, 0.05, 0.0]])
+    match = UncertainPose(se2.between(*onward), np.diag([1e4, 1e-4, 1e-5]))
+    found = placed(match, ALONG, *views(doors, onward.tolist(), [1.8, 1.8 + gone]))
+    assert found is not None or not is_told
+    assert found is None or abs(found.pose[0] - 0.6) < 0.1
 
 
 def test_bare_walls_tell_no_place():

@@ -25,6 +25,9 @@ _SHIFTS = _APART_M * np.arange(-20, 21)
 _N_WIDEST = 11
 """Places in a row that still count as one, known to 0.3 m."""
 
+_THING_M = 0.5
+"""Readings nearer to each other are of one thing, metres."""
+
 _FAR_M = 8
 """Metres beyond which readings say nothing."""
 
@@ -46,18 +49,17 @@ def placed(found: UncertainPose, along: Pose, reference: LaserScan, current: Las
 
 
 def n_through(reference: LaserScan, current: LaserScan, poses: Pose) -> Ints:
-    """Return (k,) how many readings of two scans the other one sees through, with the current one at (k, 3) poses."""
+    """Return (k,) how many readings of two scans the other one sees through, with the current one at (k, 3) poses.
+
+    Of each without those of the thing of which most are: somebody may have walked there.
+    """
     noise = [float(np.median(np.abs(np.diff(one.ranges[one.valid], 2)))) for one in (reference, current)]  # times 1.7
-    margin = max(_APART_M, math.hypot(*noise))
-    found = _n_seen_through(current, reference, poses, margin)
-    return np.asarray(found + _n_seen_through(reference, current, se2.inverse(poses), margin))
-
-
-def _n_seen_through(seen: LaserScan, viewer: LaserScan, poses: Pose, margin: float) -> Ints:
-    angles = se2.wrap(viewer.angles)
-    order = np.argsort(angles, kind="stable")
-    ranges, gap = np.where(viewer.valid, viewer.ranges, 0.0)[order], 2.0 * abs(viewer.mean_increment)
-    return _count(seen.points[seen.valid], angles[order], ranges, gap, poses, margin)
+    margin, found = max(_APART_M, math.hypot(*noise)), np.zeros(len(poses), dtype=np.int64)
+    for seen, viewer, at in ((current, reference, poses), (reference, current, se2.inverse(poses))):
+        order = np.argsort(se2.wrap(viewer.angles), kind="stable")
+        angles, ranges = se2.wrap(viewer.angles)[order], np.where(viewer.valid, viewer.ranges, 0.0)[order]
+        found += _count(seen.points[seen.valid], angles, ranges, 2.0 * abs(viewer.mean_increment), at, margin)
+    return found
 
 
 @kernel
@@ -75,11 +77,16 @@ def _count(points: Points, angles: Floats, ranges: Floats, gap: float, poses: Po
     n = np.zeros(len(poses), dtype=np.int64)
     for k in range(len(poses)):
         c, s = math.cos(poses[k, 2]), math.sin(poses[k, 2])
+        last = n_one = n_most = 0
         for i in range(len(points)):
             x = poses[k, 0] + c * points[i, 0] - s * points[i, 1]
             y = poses[k, 1] + s * points[i, 0] + c * points[i, 1]
             free = min(sight[math.floor(math.atan2(y, x) / step) % _N_SLOTS] - margin, _FAR_M)
-            n[k] += free > 0.0 and x * x + y * y < free * free
+            if free > 0.0 and x * x + y * y < free * free:
+                apart = math.hypot(points[i, 0] - points[last, 0], points[i, 1] - points[last, 1])
+                n_one = n_one + 1 if apart < _THING_M else 1
+                n[k], n_most, last = n[k] + 1, max(n_most, n_one), i
+        n[k] -= n_most
     return n
 
 

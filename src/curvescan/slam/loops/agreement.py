@@ -97,9 +97,7 @@ def _clique(links: Bools) -> Ints:
     n_candidates = np.zeros(n + 1, dtype=np.int64)
     upcoming = np.zeros(n + 1, dtype=np.int64)
     current = np.empty(n, dtype=np.int64)
-    for k in range(n):
-        candidates[0, k] = k
-    n_candidates[0] = n
+    candidates[0], n_candidates[0] = np.arange(n), n
     depth, n_visited = 0, 0
     while depth >= 0:
         if n_candidates[depth] - upcoming[depth] + depth <= n_best or (n_visited >= _MOST_BRANCHES and n_best > 0):
@@ -117,8 +115,7 @@ def _clique(links: Bools) -> Ints:
         if kept == 0:
             if depth + 1 > n_best:
                 n_best = depth + 1
-                for k in range(n_best):
-                    best[k] = current[k]
+                best[:n_best] = current[:n_best]
             continue
         depth += 1
         n_candidates[depth], upcoming[depth] = kept, 0
