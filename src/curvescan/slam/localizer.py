@@ -27,18 +27,15 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.localization.correlative import STEP_M, STEP_RAD, is_same
+from curvescan.slam.localization.correlative import is_same
 from curvescan.slam.localization.field import points_of
 from curvescan.slam.localization.grid_map import opened, with_field
-from curvescan.slam.localization.matching import WORSE, Hit, MapMatcher, fused
+from curvescan.slam.localization.matching import SEARCHED, WORSE, Hit, MapMatcher, fused
 from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, Views, said
 from curvescan.slam.loops.closures import is_certain
 from curvescan.slam.map import SlamMap
 from curvescan.types import Pose
-
-_SEARCHED = np.diag(np.square([0.5 * STEP_M, 0.5 * STEP_M, STEP_RAD]))
-"""Covariance of a pose that the search found, as a guess for matches: metres and radians."""
 
 _NOWHERE = UncertainPose(np.full(3, np.nan), np.full((3, 3), np.nan))
 """The pose of a sensor that is searched for."""
@@ -200,11 +197,11 @@ class Localizer:
         if place is None:
             return []
         matching, points = self._matching, points_of(scan)
-        searched = UncertainPose(place.pose, _SEARCHED)
+        searched = UncertainPose(place.pose, SEARCHED)
         found, _ = matching.around(scan, searched, is_known=False)
         if not found:
             return []
-        hits = matching.settled(points, matching.held(points, searched, found))
+        hits = matching.settled(points, [matching.held(points, searched, hit) for hit in found])
         here = fused(hits)
         # unless the map does not agree with its own keyframes there
         worse = max(WORSE, matching.misfit(hits[0].keyframe))

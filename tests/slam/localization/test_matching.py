@@ -100,7 +100,7 @@ def test_the_end_of_a_corridor_holds_what_a_match_leaves_open(
     at.field = corridor
     place = UncertainPose(np.zeros(3), np.diag(np.square([0.15, 0.15, 0.06])))
     slid, fixed = _hit(0.6, (10.0, 0.01)), _hit(0.02, (0.01, 0.01))
-    held, as_before = at.held(points, place, [slid, fixed])
+    held, as_before = (at.held(points, place, hit) for hit in (slid, fixed))
     assert not is_certain(slid.here, SlamConfig())
     assert is_certain(held.here, SlamConfig()) is is_held
     assert as_before is fixed

@@ -7,12 +7,14 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import find_matcher
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamMap
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import contour_length, is_same, likely_poses, thinned
-from curvescan.slam.localization.field import DistanceField, field_of
+from curvescan.slam.localization.field import DistanceField, field_of, field_of_grid
 from curvescan.slam.localization.search import MapSearch, Place, Said, Views, said
 from tests.slam.map_example import FILE, lap, scans
 
@@ -178,3 +180,21 @@ def test_a_view_of_little_says_little(stored: SlamMap, field: DistanceField) -> 
     whole, part = said(points, fit), said(points[:30], fit)
     assert whole.by_walls > 0.2
     assert part.by_walls < 0.5 * whole.by_walls
+
+
+def test_places_along_a_corridor_move_on_with_the_sensor_and_pay_where_they_slide() -> None:
+    log_odds = np.full((80, 400), -4.0, dtype=np.float32)
+    log_odds[[20, 60]] = 4.0
+    corridor = field_of_grid(OccupancyGrid(log_odds=log_odds, origin=np.array([-10.0, -2.0]), config=OccupancyConfig()))
+    search = MapSearch(corridor, np.zeros((1, 3)), Keyframes(find_matcher("curvescan")))
+    x = np.repeat(np.linspace(-3.0, 3.0, 60), 2)
+    walls = np.column_stack((x, np.tile((-1.0 + 0.025, 1.0 + 0.025), 60)))
+    place = Place(pose=np.zeros(3), view=Said(0.2, 0.2), support=Said(1.0, 1.0))
+    sure = np.diag(np.square([0.01, 0.01, 0.01]))
+    poses, supports = search._carried([place], UncertainPose(np.array([0.4, 0.0, 0.0]), sure), walls)
+    assert np.allclose(poses, [[0.4, 0.0, 0.0]])
+    assert np.allclose(supports, 1.0)
+    # across it the walls say more than a motion that is not known so well
+    poses, supports = search._carried([place], UncertainPose(np.array([0.0, 0.3, 0.0]), sure), walls)
+    assert abs(poses[0, 1]) < 0.1
+    assert 0.8 < supports.max() < 0.98

@@ -122,10 +122,7 @@ def _best_headings(field: DistanceField, places: Points, points: Points) -> tupl
 
 @kernel
 def refined(field: DistanceField, rough: Pose, points: Points) -> tuple[Pose, Floats]:
-    """Return poses (n, 3) moved to where a scan (m, 2) fits the map best nearby, and (n,) how well.
-
-    They go uphill on a finer score by steps that are halved.
-    """
+    """Return poses (n, 3) moved uphill to where a scan (m, 2) fits best, by steps that are halved; (n,) how well."""
     poses, scores = rough.copy(), np.zeros(len(rough))
     for p in range(len(rough)):
         step, turn, reach = 0.5 * STEP_M, 0.5 * STEP_RAD, REACH_M

@@ -6,6 +6,7 @@ With a guess, from the odometry or from the search, a match is sure with keyfram
 from __future__ import annotations
 
 import math
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -18,12 +19,12 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.localization.correlative import STEP_M
+from curvescan.slam.localization.correlative import STEP_M, STEP_RAD
 from curvescan.slam.localization.field import DistanceField, points_of
 from curvescan.slam.loops.closures import MOST_ODDS, is_certain
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
-from curvescan.types import Cov, Points, Pose
+from curvescan.types import Cov, Points
 
 _REACH_M = 8.0
 """Keyframes farther away are not matched, metres; one half as far comes behind a near one that shares half as much."""
@@ -40,6 +41,9 @@ match moved a search step along what it leaves open: a corridor has ends and doo
 
 _N_FUSED = 3
 """Keyframes whose matches are fused."""
+
+SEARCHED: Cov = np.diag(np.square([0.5 * STEP_M, 0.5 * STEP_M, STEP_RAD]))
+"""Covariance of a pose that the search found."""
 
 N_TRIED = 12
 """Keyframes that look alike, and places, that are tried in detail in a search."""
@@ -126,21 +130,14 @@ class MapMatcher:
         others = [hit._replace(here=self.seen_from(hit.here, first.keyframe, hit)) for hit in hits if hit is not first]
         return [first, *(hit for hit in others if fuse(first.here, hit.here)[1] < GATE)]
 
-    def held(self, points: Points, place: UncertainPose, hits: list[Hit]) -> list[Hit]:
-        """Return matches of one scan; what they leave open is held by the place that its walls speak for."""
-        return [
-            hit._replace(here=fuse(place, hit.here)[0])
-            if not is_certain(hit.here, self._config) and self._is_held(points, place.pose, hit.here)
-            else hit
-            for hit in hits
-        ]
-
-    def _is_held(self, points: Points, place: Pose, here: UncertainPose) -> bool:
-        """Return whether the map agrees less with a scan that is shifted along what a pose leaves open."""
-        along = np.linalg.eigh(here.covariance[:2, :2])[1][:, 1]
-        shift = np.array([*(STEP_M * along), 0.0])
-        most = max(self.field.agreement(points, place + way * shift) for way in (-1.0, 1.0))
-        return most <= self.field.agreement(points, place) - WORSE
+    def held(self, points: Points, place: UncertainPose, hit: Hit) -> Hit:
+        """Return a match; what it leaves open is held by a place, where the map agrees less with the scan beside it."""
+        if is_certain(hit.here, self._config):
+            return hit
+        shift = np.array([*(STEP_M * np.linalg.eigh(hit.here.covariance[:2, :2])[1][:, 1]), 0.0])
+        most = max(self.field.agreement(points, place.pose + way * shift) for way in (-1.0, 1.0))
+        is_held = most <= self.field.agreement(points, place.pose) - WORSE
+        return hit._replace(here=fuse(place, hit.here)[0]) if is_held else hit
 
     def misfit(self, k: int) -> float:
         """Return how much of a keyframe's own scan the map does not agree with: a lot where the map is bent."""
@@ -158,7 +155,5 @@ class MapMatcher:
 
 def fused(hits: list[Hit]) -> UncertainPose:
     """Return the pose that matches of one scan say together: they share its noise, and count as one."""
-    total, *others = (UncertainPose(hit.here.pose, len(hits) * hit.here.covariance) for hit in hits)
-    for one in others:
-        total, _ = fuse(total, one)
-    return total
+    several = [UncertainPose(hit.here.pose, len(hits) * hit.here.covariance) for hit in hits]
+    return reduce(lambda one, other: fuse(one, other)[0], several)

@@ -45,8 +45,7 @@ class Prior(NamedTuple):
         """Return an initial pose that somebody gave; raises InvalidArgumentError where it is none."""
         given: Any = pose, INITIAL_COVARIANCE if covariance is None else covariance
         here = known_pose(UncertainPose(*given), "initial_pose")
-        x, y, theta = here.pose.tolist()
-        return Prior(here=UncertainPose(np.array([x, y, se2.wrap(theta)]), here.covariance))
+        return Prior(here=UncertainPose(np.append(here.pose[:2], se2.wrap(here.pose[2])), here.covariance))
 
     def moved(self, motion: UncertainPose, *, is_doubtful: bool) -> Prior:
         """Return the prior after a motion of the sensor; is_doubtful: whether no sure match measured it."""

@@ -19,7 +19,7 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import STEP_M, contour_length, is_same, likely_poses, refined, thinned
 from curvescan.slam.localization.field import DistanceField, points_of
-from curvescan.slam.localization.matching import N_TRIED, SCORE, Hit
+from curvescan.slam.localization.matching import N_TRIED, SCORE, SEARCHED, Hit
 from curvescan.slam.localization.prior import LOG_ODDS, Prior
 from curvescan.types import Floats, Ints, Points, Pose
 
@@ -118,15 +118,13 @@ class MapSearch:
         if prior is not None:
             near = np.ascontiguousarray(self._places[prior.is_near(self._places)])
             poses = np.concatenate((poses, likely_poses(self.field, near, few, N_TRIED)))
-        past = before[0] if before is not None else Views(found=())
-        earlier = past.found
-        if before is not None and earlier:
-            carried = se2.compose(np.array([place.pose for place in earlier]), before[1].pose)
-            poses = np.concatenate((refined(self.field, carried, few)[0], poses))
+        past, supports = before[0] if before is not None else Views(found=()), np.empty((0, 2))
+        if before is not None and past.found:
+            carried, supports = self._carried(past.found, before[1], points)
+            poses = np.concatenate((carried, poses))
         poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
         # a place that was not among those of earlier views agreed with them no better than the least of them
-        supports = np.array([place.support for place in earlier]).reshape(-1, len(Said._fields))
-        missed = supports.min(axis=0) if len(supports) else np.zeros(len(Said._fields))
+        missed = supports.min(axis=0) if len(supports) else np.zeros(2)
         new: list[Place] = []
         for k, (pose, likely) in enumerate(zip(poses, self.known(prior, poses).tolist(), strict=True)):
             if any(is_same(pose, place.pose) for place in new):
@@ -136,12 +134,23 @@ class MapSearch:
             view = said(points, self.field.agreement(points, pose), score)
             # the sensor may have come into the map with the view before, where it was expected also with this one
             least = 0.0 if likely > 0.0 else -_MOST_AGAINST
-            so_far = supports[k] if k < len(earlier) else missed
+            so_far = supports[k] if k < len(supports) else missed
             support = np.maximum(view, -_MOST_AGAINST) + np.maximum(so_far, least)
             new.append(Place(pose=pose, view=view, support=Said(*support.tolist()), prior=likely))
         new.sort(key=lambda place: (-(place.support.by_all + place.prior), -place.view.by_walls))
         is_nowhere = max((place.view.by_walls for place in new), default=-1.0) < _MARGIN
         return Views(found=new[:N_TRIED], n_nowhere=past.n_nowhere + is_nowhere)
+
+    def _carried(self, places: Sequence[Place], motion: UncertainPose, points: Points) -> tuple[Pose, Floats]:
+        """Return (n, 3) earlier places moved on, or the best nearby if worth the slide; and their (n, 2) supports."""
+        expected = se2.compose(np.array([place.pose for place in places]), motion.pose)
+        best = refined(self.field, expected, thinned(points))[0]
+        off, cov = se2.between(expected, best), motion.covariance + SEARCHED
+        cost = np.einsum("ni,ij,nj->n", off, np.linalg.inv(cov), off)[:, np.newaxis] / (2.0 * LOG_ODDS)
+        fits = np.array([[self.field.agreement(points, pose) for pose in poses] for poses in (expected, best)])
+        slides = (fits[1] - fits[0])[:, np.newaxis] > cost
+        supports = np.array([place.support for place in places]) - np.where(slides, cost, 0.0)
+        return np.where(slides, best, expected), supports
 
     def known(self, prior: Prior | None, poses: Pose) -> Floats:
         """Return (n,) how much a prior speaks for poses (n, 3), in units of agreement."""

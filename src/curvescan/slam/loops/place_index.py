@@ -34,8 +34,7 @@ def signature(points: Floats) -> Signature:
     """Return the signature of a scan from points of its surfaces, (k, 4) float64: places, metres, and unit normals."""
     found = np.sqrt(_histogram(np.ascontiguousarray(points)))
     norm = float(np.linalg.norm(found))
-    unit: Signature = (found / norm if norm > 0.0 else found).astype(np.float32)
-    return unit
+    return np.asarray(found / norm if norm > 0.0 else found, dtype=np.float32)
 
 
 class PlaceIndex(Rows):
