@@ -51,7 +51,7 @@ def placed(found: UncertainPose, along: Pose, reference: LaserScan, current: Las
 def n_through(reference: LaserScan, current: LaserScan, poses: Pose) -> Ints:
     """Return (k,) how many readings of two scans the other one sees through, with the current one at (k, 3) poses.
 
-    Of each without those of the thing of which most are: somebody may have walked there.
+    One thing in each does not count, the one of the most such readings: somebody may have walked there.
     """
     noise = [float(np.median(np.abs(np.diff(one.ranges[one.valid], 2)))) for one in (reference, current)]  # times 1.7
     margin, found = max(_APART_M, math.hypot(*noise)), np.zeros(len(poses), dtype=np.int64)
@@ -64,7 +64,7 @@ def n_through(reference: LaserScan, current: LaserScan, poses: Pose) -> Ints:
 
 @kernel
 def _count(points: Points, angles: Floats, ranges: Floats, gap: float, poses: Pose, margin: float) -> Ints:
-    """Return (k,) how many of the points (n, 2), moved by (k, 3) poses, lie before what two beams side by side see.
+    """Return (k,) how many points (n, 2), moved by (k, 3) poses, lie before what two beams see, but for one thing's.
 
     angles (m,): of the beams, sorted; ranges (m,): 0 without a reading; gap: angle between beams that have one missing.
     """
