@@ -27,8 +27,8 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.localization.correlative import is_same
-from curvescan.slam.localization.field import points_of
+from curvescan.slam.localization.correlative import contour_length, is_same
+from curvescan.slam.localization.field import lasting_points
 from curvescan.slam.localization.grid_map import opened, with_field
 from curvescan.slam.localization.matching import SEARCHED, WORSE, Hit, MapMatcher, fused
 from curvescan.slam.localization.prior import Prior
@@ -145,8 +145,8 @@ class Localizer:
 
     def tells(self, scan: LaserScan, pose: Pose) -> bool:
         """Return whether a scan alone speaks clearly more for a (3,) pose in the map than for any other place."""
-        points = points_of(scan)
-        view = said(points, self._matching.field.agreement(points, pose))
+        points = lasting_points(scan)
+        view = said(contour_length(points), self._matching.field.agreement(points, pose))
         return self._search.look(scan).is_best(pose, view.by_walls)
 
     def _look(self, scan: LaserScan, step: Step) -> Step:
@@ -170,7 +170,7 @@ class Localizer:
         expected = compose(fix.here, moved)
         if not self.config.keyframes.is_far(moved.pose, 0.5) and not self._is_torn and self._n_missed == 0:
             return self._at(step, StepOutcome.TRACKED, expected)
-        points, field = points_of(scan), self._matching.field
+        points, field = lasting_points(scan), self._matching.field
         # after a motion in doubt no other place may agree as well
         alone = self._search.look(scan, prior=self._prior) if self._is_torn else None
         vague = self.config.noise.doubled(expected)
@@ -178,7 +178,7 @@ class Localizer:
         hits = self._matching.settled(points, found)
         now = fuse(self._matching.seen_from(expected, fix.keyframe, hits[0]), fused(hits))[0] if hits else expected
         fit = field.agreement(points, now.pose)
-        view = said(points, fit).by_walls
+        view = said(contour_length(points), fit).by_walls
         prior = float(self._search.known(self._prior, now.pose[np.newaxis])[0])
         if hits and fit > 0.0 and (alone is None or alone.is_best(now.pose, view + prior)):
             return self._take(step, StepOutcome.TRACKED, now, hits, view)
@@ -196,7 +196,7 @@ class Localizer:
         """Return matches that put a scan at a place; none where they leave a direction open."""
         if place is None:
             return []
-        matching, points = self._matching, points_of(scan)
+        matching, points = self._matching, lasting_points(scan)
         searched = UncertainPose(place.pose, SEARCHED)
         found, _ = matching.around(scan, searched, is_known=False)
         if not found:

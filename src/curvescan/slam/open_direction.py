@@ -53,12 +53,12 @@ def n_through(reference: LaserScan, current: LaserScan, poses: Pose) -> Ints:
 
     One thing in each does not count, the one of the most such readings: somebody may have walked there.
     """
-    noise = [float(np.median(np.abs(np.diff(one.ranges[one.valid], 2)))) for one in (reference, current)]  # times 1.7
+    noise = (float(np.median(np.abs(np.diff(one.ranges[one.valid], 2)))) for one in (reference, current))  # times 1.7
     margin, found = max(_APART_M, math.hypot(*noise)), np.zeros(len(poses), dtype=np.int64)
     for seen, viewer, at in ((current, reference, poses), (reference, current, se2.inverse(poses))):
-        order = np.argsort(se2.wrap(viewer.angles), kind="stable")
-        angles, ranges = se2.wrap(viewer.angles)[order], np.where(viewer.valid, viewer.ranges, 0.0)[order]
-        found += _count(seen.points[seen.valid], angles, ranges, 2.0 * abs(viewer.mean_increment), at, margin)
+        angles, ranges = se2.wrap(viewer.angles), np.where(viewer.valid, viewer.ranges, 0.0)
+        order, gap = np.argsort(angles, kind="stable"), 2.0 * abs(viewer.mean_increment)
+        found += _count(seen.points[seen.valid], angles[order], ranges[order], gap, at, margin)
     return found
 
 

@@ -8,7 +8,7 @@ import pytest
 import curvescan as cs
 from curvescan import se2
 from curvescan.slam import SlamMap
-from curvescan.slam.localization.field import ON_WALL_M, REACH_M, DistanceField, counts, field_of, points_of
+from curvescan.slam.localization.field import ON_WALL_M, REACH_M, DistanceField, counts, field_of, lasting_points
 from tests.slam.map_example import FILE, ROOM, lap, scans
 
 
@@ -121,6 +121,6 @@ def test_people_in_the_open_say_nothing_of_a_building(way: int) -> None:
     scan = cs.LaserScan(ranges, angle_min=-way * np.pi / 2.0, angle_increment=way * np.pi / 180.0, range_max=8.0)
     shown = np.ones(181, dtype=np.bool_)
     shown[[60, *range(80, 90)]] = False
-    assert np.array_equal(points_of(scan), scan.points[shown])
+    assert np.array_equal(lasting_points(scan), scan.points[shown])
     nothing = cs.LaserScan(np.full(181, np.nan), angle_min=-1.5, angle_increment=0.02, range_max=8.0)
-    assert points_of(nothing).shape == (0, 2)
+    assert lasting_points(nothing).shape == (0, 2)

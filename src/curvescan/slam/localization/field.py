@@ -61,7 +61,7 @@ class DistanceField(NamedTuple):
         return on_wall - (new + through)
 
 
-def points_of(scan: LaserScan) -> Points:
+def lasting_points(scan: LaserScan) -> Points:
     """Return what a scan shows of a building: its readings, in its frame, without what comes and goes.
 
     That is what stands in front of what is seen on both sides, and is no wider than two people.

@@ -20,7 +20,7 @@ from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import STEP_M, STEP_RAD
-from curvescan.slam.localization.field import DistanceField, points_of
+from curvescan.slam.localization.field import DistanceField, lasting_points
 from curvescan.slam.loops.closures import MOST_ODDS, is_certain
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
@@ -79,6 +79,8 @@ class MapMatcher:
         apart = np.hypot(relative[:, 0], relative[:, 1])
         order = np.argsort(-overlap / (1.0 + apart / (0.5 * _REACH_M)), kind="stable")[: 2 * _N_FUSED]
         order = order[overlap[order] >= _LEAST_OVERLAP]
+        if not len(order):
+            return [], False
         current = self._keyframes.prepare(scan)
         known = GUESS_COVARIANCE if is_known else WIDE_PRIOR.covariance
         hits: list[Hit] = []
@@ -88,7 +90,7 @@ class MapMatcher:
                 hits.append(hit)
                 if len(hits) == _N_FUSED:
                     break
-        return hits, bool((overlap[order[:1]] >= self._config.closures.min_overlap).any())
+        return hits, bool(overlap[order[0]] >= self._config.closures.min_overlap)
 
     def similar(self, scan: LaserScan) -> list[Hit]:
         """Return matches without a guess with keyframes that look like a scan; none that leave a direction open."""
@@ -135,14 +137,13 @@ class MapMatcher:
         if is_certain(hit.here, self._config):
             return hit
         shift = np.array([*(STEP_M * np.linalg.eigh(hit.here.covariance[:2, :2])[1][:, 1]), 0.0])
-        most = max(self.field.agreement(points, place.pose + way * shift) for way in (-1.0, 1.0))
-        is_held = most <= self.field.agreement(points, place.pose) - WORSE
-        return hit._replace(here=fuse(place, hit.here)[0]) if is_held else hit
+        fit, *beside = (self.field.agreement(points, place.pose + way * shift) for way in (0.0, -1.0, 1.0))
+        return hit._replace(here=fuse(place, hit.here)[0]) if max(beside) <= fit - WORSE else hit
 
     def misfit(self, k: int) -> float:
         """Return how much of a keyframe's own scan the map does not agree with: a lot where the map is bent."""
         if k not in self._misfits:
-            self._misfits[k] = 1.0 - self.field.agreement(points_of(self._map.scans[k]), self._map.poses[k])
+            self._misfits[k] = 1.0 - self.field.agreement(lasting_points(self._map.scans[k]), self._map.poses[k])
         return self._misfits[k]
 
     def in_map(self, here: UncertainPose, keyframe: int) -> tuple[UncertainPose, Cov]:

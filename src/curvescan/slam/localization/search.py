@@ -18,7 +18,7 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import STEP_M, contour_length, is_same, likely_poses, refined, thinned
-from curvescan.slam.localization.field import DistanceField, points_of
+from curvescan.slam.localization.field import DistanceField, lasting_points
 from curvescan.slam.localization.matching import N_TRIED, SCORE, SEARCHED, Hit
 from curvescan.slam.localization.prior import LOG_ODDS, Prior
 from curvescan.types import Floats, Ints, Points, Pose
@@ -111,8 +111,8 @@ class MapSearch:
         prior: Where the sensor is, as far as it is known without this view; before: Earlier views, and the motion
         since; matched: Of the scan, without a guess.
         """
-        points = points_of(scan)
-        few = thinned(points)
+        points = lasting_points(scan)
+        few, contour = thinned(points), contour_length(points)
         # walls alone are ended on elsewhere as well: of more poses the free space between them chooses
         poses = likely_poses(self.field, self._places_like(scan), few, _N_LIKELY * N_TRIED)
         if prior is not None:
@@ -120,7 +120,7 @@ class MapSearch:
             poses = np.concatenate((poses, likely_poses(self.field, near, few, N_TRIED)))
         past, supports = before[0] if before is not None else Views(found=()), np.empty((0, 2))
         if before is not None and past.found:
-            carried, supports = self._carried(past.found, before[1], points)
+            carried, supports = self._carried(past, before[1], points, few)
             poses = np.concatenate((carried, poses))
         poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
         # a place that was not among those of earlier views agreed with them no better than the least of them
@@ -131,7 +131,7 @@ class MapSearch:
                 continue
             # a match with a keyframe tells more than the walls of a map that is bent, or has changed
             score = max((hit.score for hit in matched if is_same(hit.here.pose, pose)), default=0.0)
-            view = said(points, self.field.agreement(points, pose), score)
+            view = said(contour, self.field.agreement(points, pose), score)
             # the sensor may have come into the map with the view before, where it was expected also with this one
             least = 0.0 if likely > 0.0 else -_MOST_AGAINST
             so_far = supports[k] if k < len(supports) else missed
@@ -141,15 +141,15 @@ class MapSearch:
         is_nowhere = max((place.view.by_walls for place in new), default=-1.0) < _MARGIN
         return Views(found=new[:N_TRIED], n_nowhere=past.n_nowhere + is_nowhere)
 
-    def _carried(self, places: Sequence[Place], motion: UncertainPose, points: Points) -> tuple[Pose, Floats]:
+    def _carried(self, views: Views, motion: UncertainPose, points: Points, few: Points) -> tuple[Pose, Floats]:
         """Return (n, 3) earlier places moved on, or the best nearby if worth the slide; and their (n, 2) supports."""
-        expected = se2.compose(np.array([place.pose for place in places]), motion.pose)
-        best = refined(self.field, expected, thinned(points))[0]
+        expected = se2.compose(np.array([place.pose for place in views.found]), motion.pose)
+        best = refined(self.field, expected, few)[0]
         off, cov = se2.between(expected, best), motion.covariance + SEARCHED
         cost = np.einsum("ni,ij,nj->n", off, np.linalg.inv(cov), off)[:, np.newaxis] / (2.0 * LOG_ODDS)
         fits = np.array([[self.field.agreement(points, pose) for pose in poses] for poses in (expected, best)])
         slides = (fits[1] - fits[0])[:, np.newaxis] > cost
-        supports = np.array([place.support for place in places]) - np.where(slides, cost, 0.0)
+        supports = np.array([place.support for place in views.found]) - np.where(slides, cost, 0.0)
         return np.where(slides, best, expected), supports
 
     def known(self, prior: Prior | None, poses: Pose) -> Floats:
@@ -167,9 +167,9 @@ class MapSearch:
         return np.ascontiguousarray(self._places[order])
 
 
-def said(points: Points, fit: float, score: float = 0.0) -> Said:
-    """Return how much a scan (n, 2) speaks for a pose, by how well the map agrees there, and the score of a match."""
-    share = min(contour_length(points) / _CONTOUR_M, 1.0)
+def said(contour: float, fit: float, score: float = 0.0) -> Said:
+    """Return how much a scan speaks for a pose, by its contour, metres, how the map agrees, and a match's score."""
+    share = min(contour / _CONTOUR_M, 1.0)
     return Said(share * (fit + SCORE * score - _NEUTRAL), share * (fit - _NEUTRAL))
 
 

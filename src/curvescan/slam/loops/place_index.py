@@ -33,8 +33,7 @@ Signature = NDArray[np.float32]
 def signature(points: Floats) -> Signature:
     """Return the signature of a scan from points of its surfaces, (k, 4) float64: places, metres, and unit normals."""
     found = np.sqrt(_histogram(np.ascontiguousarray(points)))
-    norm = float(np.linalg.norm(found))
-    return np.asarray(found / norm if norm > 0.0 else found, dtype=np.float32)
+    return np.asarray(found / (np.linalg.norm(found) or 1.0), dtype=np.float32)
 
 
 class PlaceIndex(Rows):
