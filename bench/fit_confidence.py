@@ -35,7 +35,7 @@ from curvescan.matchers.curvescan.pose_difference import is_along
 from curvescan.scan import LaserScan
 from curvescan.simulation import simulate_pairs
 from curvescan.simulation.sensing.people import People
-from curvescan.slam.config import KeyframesConfig
+from curvescan.slam.config import MapKeyframesConfig
 from curvescan.types import Floats, Pose, UncertainPose
 from deceptive import DECEPTIONS, deceptive_pairs
 from floors import recorded
@@ -110,7 +110,7 @@ def keyframe_pairs(scans: Sequence[LaserScan], poses: Pose, n: int, seed: int) -
     prior that is off by 2 to 8 m.
     """
     rng = np.random.default_rng(seed)
-    keys, is_due = [0], KeyframesConfig().is_far
+    keys, is_due = [0], MapKeyframesConfig().is_far
     for i in range(len(poses)):
         if is_due(se2.between(poses[keys[-1]], poses[i])):
             keys.append(i)

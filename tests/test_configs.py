@@ -58,6 +58,25 @@ def test_what_is_wrong_is_said_by_match_and_prepare_alike(given, message):
         cs.Odometry(matcher=given)
 
 
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: cs.SlamConfig(keyframes=cs.KeyframesConfig()),
+            "keyframes must be a MapKeyframesConfig, got Keyframes",
+        ),
+        (
+            lambda: cs.OdometryConfig(motion={"sigma_m": 1.0}),
+            "motion must be a MotionConfig, got {'sigma_m': 1.0}: give",
+        ),
+        (lambda: cs.CurvescanConfig(scoring=None), r"used, config={'scoring': {...}}"),
+    ],
+)
+def test_a_part_of_another_configuration_is_refused(make, message):
+    with pytest.raises(cs.InvalidArgumentError, match=message):
+        make()
+
+
 def test_a_mapping_does_what_its_instance_does():
     a, b = pair()
     mapping = {"landmarks": {"min_curvature": 3.0}}

@@ -58,6 +58,17 @@ def changed(default: Config, given: Mapping[str, Any], where: str) -> Config:
         raise InvalidArgumentError(f"{where}: {error}") from error
 
 
+def require_parts(config: Any) -> None:
+    """Raise InvalidArgumentError where a part of a configuration is no instance of the class that it has there."""
+    for name, kind in ((f.name, f.default_factory) for f in fields(config)):
+        value = getattr(config, name)
+        if isinstance(kind, type) and not isinstance(value, kind):
+            raise InvalidArgumentError(
+                f"{name} must be a {kind.__name__}, got {value!r:.80}: give a mapping of the fields that differ where "
+                f"the configuration is used, config={{{name!r}: {{...}}}}"
+            )
+
+
 def nearest(name: object, known: Iterable[str]) -> str:
     """Return ``"did you mean 'x'? "`` where a known name is like the given one, else an empty string."""
     near = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.5)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import shlex
+import tomllib
 from dataclasses import replace
+from importlib.resources import files
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,6 +24,7 @@ from curvescan.io.arrays.memory import MemoryLog
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.slam import Slam
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
+from tests.conftest import ROOT
 from tests.scenes import room_scan
 
 STALE = Issue(topic="beams", kind="stale_beams", what="30% of the readings are old", remedy=Remedy("drop_stale", True))
@@ -281,12 +285,26 @@ def test_a_measured_step_that_the_loops_refuse_is_a_tear(kind, has_wheels, is_to
     ahead, cov = np.array([1.0, 0.0, 0.0]), 1e-4 * np.eye(3)
     graph.add_edge(0, 1, ahead, cov, EdgeKind.MATCH)
     graph.add_edge(1, 2, ahead, cov, EdgeKind(kind), weight=1e-4)
-    engine = SimpleNamespace(graph=graph, keyframes=[SimpleNamespace(index=5 * k) for k in range(3)])
+    keyframes = [SimpleNamespace(index=5 * k, session=1) for k in range(3)]
+    engine = SimpleNamespace(graph=graph, keyframes=keyframes)
     assert find_torn(engine, 2.1, has_wheels=has_wheels) == []
     torn = find_torn(engine, 1.9, has_wheels=has_wheels)
     assert [(b.first, b.last) for b in torn] == [(5, 10)] * is_told
     if torn:
         assert "between scans 5 and 10 the map is torn by 2.0 m" in reason(engine="slam", breaks=tuple(torn))
+    keyframes[1].session = 0  # a step of the map that is continued is none of this log
+    assert find_torn(engine, 1.9, has_wheels=has_wheels) == []
+
+
+def test_the_guide_has_a_row_for_each_reason():
+    guide = (ROOT / "docs" / "howto" / "verdict.md").read_text("utf-8")
+    rows = re.findall(
+        r"^\* - (.+)$", guide[guide.index("Reasons not to trust") : guide.index("(outcomes)=")], re.MULTILINE
+    )
+    reasons = tomllib.loads((files("curvescan.diagnostics") / "verdict.toml").read_text("utf-8"))
+    assert len(rows) == 1 + len(reasons)
+    for said, reason_of in zip(rows[1:], reasons.values(), strict=True):
+        assert said in reason_of["what"]
 
 
 def test_a_lost_track_that_is_joined_in_a_place_like_others_is_a_reason():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -20,9 +21,9 @@ from curvescan.io.trajectories.layouts import write_kitti
 from curvescan.io.trajectories.relations import information_of, write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.io.writing import EXPORTS, ExportName, RunData, takes_edges, write_exports
-from curvescan.odometry import Odometry, Step
+from curvescan.odometry import Odometry, Step, StepOutcome
 from curvescan.runs import run as runner
-from curvescan.runs.graph_files import edges_of
+from curvescan.runs.graph_files import GUESS_SIGMAS, edges_of
 from curvescan.simulation import simulate
 from curvescan.types import PoseEdge
 from tests.logs import assert_same_scan, rich_log
@@ -147,6 +148,14 @@ def test_a_step_is_one_edge() -> None:
     assert [(edge.i, edge.j) for edge in edges] == [(step.reference, step.index) for step in steps[1:]]
     for edge in edges:  # which refuses a covariance that is not positive definite
         assert np.isfinite(information_of(edge)).all()
+
+
+def test_a_match_that_was_refused_is_no_edge() -> None:
+    *_, before, step = steps_of_a_run()[:6]
+    guessed = edges_of([before, replace(step, outcome=StepOutcome.PREDICTED, reference=0)])[-1]
+    assert (guessed.i, guessed.j) == (before.index, step.index)
+    np.testing.assert_allclose(guessed.pose, se2.between(before.pose_odom, step.pose_odom))
+    np.testing.assert_allclose(np.sqrt(np.diag(guessed.covariance)), GUESS_SIGMAS)
 
 
 def steps_of_a_run() -> list[Step]:

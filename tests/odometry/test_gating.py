@@ -100,6 +100,8 @@ def test_half_the_squared_distance_speaks_against_a_leap():
         ((-0.5, 0.01, 0.06), 0.99, False),  # a sensor does stop at once
         ((0.4, 0.01, 0.06), 0.85, False),
         ((0.1, 0.01, 0.65), 0.85, False),  # and it turns at once
+        ((0.1, 0.01, 0.65), 0.4, False),  # a doubtful match, too
+        ((0.1, 0.0, 0.65), 0.4, False),
         ((-1.0, 0.01, 0.06), 0.999, True),
     ],
 )
@@ -114,6 +116,11 @@ def test_a_doubtful_match_of_a_sudden_shift_counts_for_nothing_along_it(pose, co
     along, across = np.sqrt(np.diag(gated.pose_keyframe_scan.covariance)[:2])
     assert across < 0.002
     assert along == pytest.approx(0.02 if is_opened else 0.001, rel=0.1)
+    result = gated.result
+    way = np.array([1.0, 0.0, 0.0]) if result.degenerate_direction is None else result.degenerate_direction
+    assert bool(way @ result.covariance @ way > 1.0) is is_opened
+    assert bool(way @ result.information @ way < 0.01) is is_opened  # the match leaves it open
+    assert result.information[2, 2] == pytest.approx(1e7)
 
 
 @pytest.mark.parametrize(("x", "is_opened"), [(0.8, False), (-0.6, True)])

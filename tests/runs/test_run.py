@@ -179,6 +179,13 @@ def test_a_run_is_evaluated_in_one_call(log_file, tmp_path):
         cs.evaluate(run.trajectory.poses, reference=run)
 
 
+@pytest.mark.parametrize("engine", ["odometry", "slam"])
+def test_a_log_without_scans_is_no_log(engine, tmp_path):
+    with pytest.raises(cs.InvalidArgumentError, match="a log must hold at least one scan, got 0"):
+        cs.run([], engine, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_an_unknown_option_is_told():
     with pytest.raises(cs.InvalidArgumentError, match="run has an unknown key 'odometry_priors': did you mean 'odom"):
         cs.run([], odometry_priors=True)

@@ -105,7 +105,7 @@ def _search(graph: PoseGraph, closures: list[Closure], fragments: list[int] | No
     growing = SimpleNamespace(graph=graph, fragments=fragments or [0] * n, close=lambda closure: None)
     growing.keyframes = type("Rows", (), {"__getitem__": lambda _, k: rows[k], **vars(keyframes)})()
     search = LoopSearch(growing, CONFIG)  # type: ignore[arg-type]
-    search.closures = [replace(c, i=100 + c.i, j=100 + c.j) for c in closures]
+    search.closures = {(100 + c.i, 100 + c.j): replace(c, i=100 + c.i, j=100 + c.j) for c in closures}
     return search
 
 
@@ -113,11 +113,15 @@ def _search(graph: PoseGraph, closures: list[Closure], fragments: list[int] | No
 def test_matches_that_say_more_than_they_cost_are_followed_however_sure_each_is(confidence) -> None:
     """Along 20 m they say more than that the way between slipped; along 4 m they do not say more than closures do."""
     long, short = ([_refused(k, 40 + k, [1.0, 0.5, 0.0], confidence) for k in range(n)] for n in (40, 8))
-    assert _search(_graph(), long).audit()
+    search = _search(_graph(), [replace(c, expectation=-20.0) for c in long])
+    assert search.audit()
+    accepted = [c for c in search.closures.values() if c.is_accepted]
+    assert accepted
+    assert {c.expectation for c in accepted} == {-20.0}  # as it was when they were matched
     search = _search(_graph(8), short)
     assert not search.audit()
     assert len(search.closures) == 8
-    assert not any(c.is_accepted for c in search.closures)
+    assert not any(c.is_accepted for c in search.closures.values())
 
 
 def test_what_fails_where_the_map_has_the_keyframes_speaks_for_a_set_too() -> None:

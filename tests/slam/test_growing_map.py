@@ -41,6 +41,10 @@ def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() 
     assert sigma[:, 2].max() < 0.01
     # what the odometry may slip grows with the way
     assert (np.diff(sigma[:, 0]) > 0.0).all()
+    # and is that of the new part alone where a lost track begins anew
+    growing.start(scans[0], 4, np.zeros(3))
+    growing.append(scans[1], 5, UncertainPose(np.array([0.45, 0.05, 0.05]), np.diag([0.01, 0.01, 0.01])))
+    assert graph.edge_covariances[-1, 0, 0] == pytest.approx(graph.edge_covariances[0, 0, 0], rel=1e-6)
 
 
 @pytest.mark.parametrize(("off", "least", "most"), [(0.3, 0.15, 0.35), (4.0, 0.0, 0.5)])
@@ -140,3 +144,15 @@ def test_what_came_since_the_last_optimization_is_known_by_the_way_between(scans
     # of those before, what is known of the last one comes first
     np.testing.assert_allclose(covariances[2], growing.since.covariance, atol=1e-12)
     assert np.trace(covariances[1]) > np.trace(covariances[2])
+    # a closure moves them, and so does an optimization
+    assert growing.is_revised
+    growing.is_revised = False
+    before, seen = growing.graph.poses.copy(), cs.se2.between(growing.graph.poses[0], growing.graph.poses[6])
+    off = seen + np.array([0.3, 0.0, 0.0])
+    closure = Closure(
+        scan=6, i=0, j=6, pose=off, covariance=1e-4 * np.eye(3), score=0.7, distance=0.0,
+        outcome=ClosureOutcome.ACCEPTED, confidence=0.99,
+    )  # fmt: skip
+    growing.close(closure)
+    assert growing.is_revised
+    assert np.hypot(*(growing.graph.poses[6] - before[6])[:2]) > 0.1

@@ -85,14 +85,19 @@ def test_a_file_cut_short_at_any_place_is_refused(tmp_path: Path) -> None:
         ("poses", np.array([[0.0, 0.0, np.nan], [0.0, 0.0, 0.0]]), "poses must be finite"),
         ("n_beams", np.array([4, 99]), "not as many"),
         ("covariances", np.zeros((2, 5)), "must have shape"),
+        ("csmap_version", np.array([]), "a map of version , and"),
+        ("csmap_version", np.array([np.nan]), "a map of version nan, and"),
+        ("grid_config", None, "damaged: 'grid_config'"),
+        ("grid_config", np.float64(0.0), "damaged"),
     ],
 )
-def test_a_wrong_array_is_named(tmp_path: Path, name: str, value: np.ndarray, reason: str) -> None:
+def test_a_wrong_array_is_named(tmp_path: Path, name: str, value: np.ndarray | None, reason: str) -> None:
     path = tmp_path / "a.csmap"
     _map().save(path)
     with np.load(path) as file:
         arrays = dict(file)
     arrays[name] = value
+    arrays = {name: array for name, array in arrays.items() if array is not None}
     with path.open("wb") as new:
         np.savez(new, **arrays)
     with pytest.raises(LogFormatError, match=reason):

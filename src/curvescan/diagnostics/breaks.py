@@ -66,10 +66,11 @@ def find_ambiguous(record: RunRecord, slam_map: SlamMap) -> list[Break]:
 
 
 def find_torn(engine: Slam, most: float, *, has_wheels: bool) -> list[Break]:
-    """Return the steps that a match or wheels measured and that the closures of a map refuse by more than `most`."""
-    graph = engine.graph
+    """Return the steps of this session that a match or wheels measured and closures refuse by more than `most`."""
+    graph, session = engine.graph, engine.keyframes[-1].session
     is_measured = (graph.kinds == EdgeKind.MATCH) | (has_wheels & (graph.kinds == EdgeKind.MOTION))
-    rows = np.flatnonzero(is_measured & ~graph.is_followed)
+    is_new = np.array([keyframe.session == session for keyframe in engine.keyframes])[graph.ends].all(axis=1)
+    rows = np.flatnonzero(is_measured & is_new & ~graph.is_followed)
     i, j = graph.ends[rows].T
     off = se2.between(graph.measured[rows], se2.between(graph.poses[i], graph.poses[j]))
     scans = np.array([keyframe.index for keyframe in engine.keyframes])

@@ -86,7 +86,7 @@ _EXACT, _EXACT_RAD = 0.15, math.radians(2.0)
 """Poses that never drift agree with the scans within so much: the steps of a search grid, and of rounding."""
 
 _N_VISITS, _N_SURE = 40, 10  # visits that are matched at most, and those that must be sure to judge by
-_APART = 10  # scans between two visits that are matched, at least
+_APART = 10  # scans between a visit that is matched and the one before, at least
 _SHARE = 0.9  # share of the sure visits that are exact in poses that never drift
 
 

@@ -19,7 +19,6 @@ from curvescan.types import Floats, Pose
 
 _DROPS = ("stale_beams", "undeclared_codes", "ring", "fixed_beams")  # kinds of issues whose mending leaves readings out
 _JUDGED_AT = (100, 1000)  # scans after which a running laser is judged
-_ROUNDS = 4  # most inspections: what is mended first can hide what is mended next
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -65,7 +64,7 @@ def mend(log: Log, *, as_is: bool = False, is_order_needed: bool = True) -> Prep
     """
     done: tuple[Issue, ...] = ()
     given = setup_of(log)
-    for _ in range(_ROUNDS):
+    while True:  # what is mended first can hide what is mended next; each kind is mended once
         report = inspect_log(log, judge_sensor(log, is_order_needed=is_order_needed))
         issues = find_issues(report)
         faults = [i for i in issues if i.mending and not _is_set(given, i) and i.kind not in {d.kind for d in done}]

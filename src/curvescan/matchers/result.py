@@ -183,7 +183,7 @@ class MatchResult:
         half a turn would look the same, or all that fixes the pose may have moved. 0 without a pose; NaN for matchers
         that do not compute it. Two matches of one pair of places err together: do not multiply their confidences.
     candidates : tuple of Candidate
-        The poses that may be right, at most 8, most likely first; also of a match that failed because several may be.
+        The poses that may be right, at most five, most likely first; also of a match that failed as several may be.
         Empty where no pose explains the scans. The first may differ from `pose` along a direction that is open.
     information : (3, 3) float64
         What the scans alone say at `pose`, or without one at the first candidate, without the prior: order x, y,

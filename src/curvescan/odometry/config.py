@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from curvescan.configs import require_parts
 from curvescan.errors import require
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.types import Cov, Pose
@@ -106,6 +107,9 @@ class OdometryConfig:
 
     deskew: bool = True
     """Where a scan gives the times of its beams, the motion during the sweep is taken out of it."""
+
+    def __post_init__(self) -> None:
+        require_parts(self)
 
     @classmethod
     def scan_to_scan(cls) -> OdometryConfig:

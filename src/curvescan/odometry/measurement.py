@@ -21,6 +21,7 @@ from curvescan.odometry.config import MotionConfig, OdometryConfig
 from curvescan.odometry.motion_model import Prediction
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
+from curvescan.types import Cov, Floats
 
 _OPEN = 100.0
 """Standard deviation of what is not measured, metres: more than any prediction errs."""
@@ -113,13 +114,22 @@ def gate(
     if distance <= config.motion_gate_chi2:
         return GatedMatch(result, fused, True, found)
     fused, leap = fuse(UncertainPose(expected.pose, expected.covariance + prediction.recovery), found)
-    if _SUDDEN * _shift(expected, found, prediction) <= log_odds(result.confidence, unknown=CERTAIN):
+    odds = log_odds(result.confidence, unknown=CERTAIN)
+    if _SUDDEN * _shift(expected, found, prediction) <= max(odds, 1.0):  # however doubtful, no small shift is sudden
         return GatedMatch(result, fused, False, found, leap)
     off = found.pose[:2] - expected.pose[:2]
     way = np.array([*off, 0.0]) / math.hypot(*off)
-    found = UncertainPose(found.pose, found.covariance + _OPEN**2 * np.outer(way, way))
-    result = replace(result, degenerate_direction=way)
+    wide = _OPEN**2 * np.outer(way, way)
+    found, result = UncertainPose(found.pose, found.covariance + wide), _opened(result, way, wide)
     return GatedMatch(result, fuse(expected, found)[0], False, found, leap, is_opened=True)
+
+
+def _opened(result: MatchResult, way: Floats, wide: Cov) -> MatchResult:
+    """Return a match that measures nothing along a direction (3,), where its covariance is wider by (3, 3)."""
+    pull = result.information @ way
+    known = np.outer(pull, pull) / (way @ pull) if way @ pull > 0.0 else np.zeros((3, 3))
+    covariance, information = result.covariance + wide, result.information - known
+    return replace(result, degenerate_direction=way, covariance=covariance, information=information)
 
 
 def _shift(expected: UncertainPose, found: UncertainPose, prediction: Prediction) -> float:

@@ -51,7 +51,7 @@ class Prediction(NamedTuple):
     recovery: Cov  # (3, 3): how much farther from there the sensor may be once a match failed or contradicts
     reach: float  # metres, standard deviation: how far from there it gets since the last match, if it moves at once
     onward: Pose  # (3,): how much farther it is, where scans are missing in between
-    is_missed: bool = False  # whether that is taken not to have been updated since the last scan
+    is_missed: bool = False  # whether `odometry_pose` is taken not to have been updated since the last scan
 
 
 class MotionModel(NamedTuple):
@@ -62,8 +62,8 @@ class MotionModel(NamedTuple):
 
     config: MotionConfig  # how well each is known
     last: UncertainPose  # the last motion
-    variance_translation: float  # of the change from a motion to the next, m^2 an axis and rad^2
-    variance_turn: float  # of the change from a motion to the next, m^2 an axis and rad^2
+    variance_translation: float  # of the change from a motion to the next, m^2 an axis
+    variance_turn: float  # the same of the turn, rad^2
     # (3,): pose at the last scan by another odometry, or at the scan before where it was not updated since
     odometry_pose: Pose | None = None
     # (3,): the sensor at the last scan seen from where it was at that pose; None where that pose is of the last scan

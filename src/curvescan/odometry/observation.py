@@ -54,7 +54,7 @@ class Localization(NamedTuple):
 class Gap(NamedTuple):
     """Scans since the last one that was placed by a match with what was known before."""
 
-    # the references from before the gap: the last scan, where it can be one, and the keyframe that was in use
+    # the references from before the gap: the last scan and the keyframe in use, where they can be; else the one before
     before: tuple[Keyframe, ...]
     n_scans: int  # scans in the gap that have readings enough to be matched
     first: int  # number of the first scan in the gap

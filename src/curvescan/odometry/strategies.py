@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
-from curvescan.matchers import MatchResult, PreparedScan
+from curvescan.matchers import PreparedScan
 from curvescan.odometry.config import KeyframesConfig
 from curvescan.odometry.gaps import open_gap, question_link, settle_gap, with_keyframe
 from curvescan.odometry.measurement import GatedMatch
@@ -47,7 +47,7 @@ def place(o: Observation) -> Placement:
             step_motion=identity(),
         )
     attempt = _try_references(o, last)
-    return _track(o, last, attempt) or _extrapolate(o, last, attempt.gated.result)
+    return _track(o, last, attempt) or _extrapolate(o, last, attempt)
 
 
 def _try_references(o: Observation, last: Localization) -> _Attempt:
@@ -114,7 +114,7 @@ def _track(o: Observation, last: Localization, attempt: _Attempt) -> Placement |
     return with_keyframe(o, settled)
 
 
-def _extrapolate(o: Observation, last: Localization, failed: MatchResult) -> Placement:
+def _extrapolate(o: Observation, last: Localization, failed: _Attempt) -> Placement:
     """Return where the expected motion leads; the scan becomes the next reference if it can be one."""
     is_held = o.state.motion.is_exhausted(o.prediction)
     motion = UncertainPose(np.zeros(3), o.prediction.motion.covariance) if is_held else o.prediction.motion
@@ -126,8 +126,8 @@ def _extrapolate(o: Observation, last: Localization, failed: MatchResult) -> Pla
         motion=o.state.motion.updated_without_match(o.prediction, motion),
         step_motion=motion,
         gap=gap,
-        match=failed,
-        reference=last.keyframe.index,
+        match=failed.gated.result,
+        reference=failed.keyframe.index,
     )
     # the next update of the wheels says where the sensor is, and not where it was at this scan
     if o.prediction.is_missed:

@@ -71,7 +71,7 @@ def edges_of(steps: Iterable[Step]) -> list[PoseEdge]:
 
     last: Pose | None = None
     for step in steps:
-        if step.match is not None and step.match.ok and step.reference is not None:
+        if step.is_matched and step.match is not None and step.reference is not None:
             join(step.reference, step, step.match.pose, step.match.covariance)
         elif step.outcome is StepOutcome.LOST:
             join(step.index - 1, step, step.motion, step.motion_covariance)

@@ -19,7 +19,7 @@ from curvescan.diagnostics.verdict import judge
 from curvescan.engines import run_engine
 from curvescan.engines.engine import Engine, in_turn, odometry_of
 from curvescan.engines.odometry_process import OdometryProcess, can_run_ahead
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import InvalidArgumentError, require
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.files.output import output_folder
 from curvescan.io.log import HeldLog, Log
@@ -259,6 +259,7 @@ def _run(
     occupancy = as_config(options.get("occupancy"), OccupancyConfig(), name="occupancy")
     source, shown = options.get("source"), options.get("display") or Silent()
     opened, source = (read_log(log), log) if isinstance(log, str | os.PathLike) else (as_log(log), source)
+    require(len(opened) > 0, "a log must hold at least one scan", len(opened))
     inputs = (*inputs, *(() if source is None else (Path(source),)))
     # first of all: a place that cannot be written costs no work
     place = nullcontext() if out is None else output_folder(out, inputs=inputs)

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from curvescan.configs import require_parts
 from curvescan.errors import require
 from curvescan.odometry.config import OdometryConfig
 from curvescan.types import Cov, Pose, UncertainPose
@@ -23,7 +24,7 @@ KEPT = OdometryConfig().keyframes.variance_retained
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeyframesConfig:
+class MapKeyframesConfig:
     """Keyframes: the scans that the map is made of."""
 
     distance: float = 0.5
@@ -111,7 +112,7 @@ class ClosuresConfig:
     certain_m: float = 0.8
     """Where the graph knows the relative pose of two keyframes better than this, metres, it guides their match."""
     min_overlap: float = 0.4
-    """Least share of two scans that must be common for them to be matched, foretold from where the graph has them."""
+    """Least share of two scans that must be common for them to be matched, predicted from where the graph has them."""
     matches_per_scan: int = 3
     """Matches made for each scan that is added; the rest waits."""
     log_odds: float = 8.0
@@ -127,7 +128,7 @@ class ClosuresConfig:
 class SlamConfig:
     """The whole of it."""
 
-    keyframes: KeyframesConfig = field(default_factory=KeyframesConfig)
+    keyframes: MapKeyframesConfig = field(default_factory=MapKeyframesConfig)
     """Keyframes: the scans that the map is made of."""
     places: PlacesConfig = field(default_factory=PlacesConfig)
     """Places: how many keyframes one holds."""
@@ -137,6 +138,9 @@ class SlamConfig:
     """Loop closures: where they are searched, and which are accepted."""
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """The odometry in front."""
+
+    def __post_init__(self) -> None:
+        require_parts(self)
 
 
 def _require_positive(config: object, *names: str) -> None:

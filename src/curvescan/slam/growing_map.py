@@ -61,6 +61,7 @@ class GrowingMap:
         self.gone: list[Heir] = []  # keyframes that went, in their order
         self.since = identity()  # the newest keyframe, seen from the last one of the belief
         self.fragments: list[int] = []  # of each keyframe
+        self.is_revised = False  # whether poses moved since somebody last asked
         self._session = 0
         self._open_way = 0.0  # since a match of keyframes measured all of the motion, metres
         self.belief: Belief  # what the graph knew after the last optimization, once there is a keyframe
@@ -84,6 +85,7 @@ class GrowingMap:
         self.fragments.append(max(self.fragments, default=-1) + 1)
         unknown = np.concatenate((np.tile(LOST_COVARIANCE, (k, 1, 1)), np.zeros((1, 3, 3))))
         self.belief, self._chain, self.since = Belief.of(self.graph.poses, unknown), None, identity()
+        self._open_way = 0.0
         return k
 
     def append(self, scan: LaserScan, index: int, motion: UncertainPose) -> int:
@@ -152,7 +154,7 @@ class GrowingMap:
         self.since, _ = fuse(self.since, compose(by_closure, self.along(j)[0]))
         here = se2.compose(self.graph.poses[self.belief.n - 1], self.since.pose)
         onward = se2.between(self.graph.poses[-1], self.graph.poses[j:])
-        self.graph.poses[j:] = se2.compose(here, onward)
+        self.graph.poses[j:], self.is_revised = se2.compose(here, onward), True
 
     def _join(self, closure: Closure) -> None:
         """Move the later fragment to the place in the earlier one that a closure gives."""
@@ -165,7 +167,7 @@ class GrowingMap:
             wanted, moved = se2.compose(poses[closure.j], se2.inverse(closure.pose)), closure.i
         shift = se2.compose(wanted, se2.inverse(poses[moved]))
         rows = np.flatnonzero(fragments == later)
-        poses[rows], self._chain = se2.compose(shift, poses[rows]), None
+        poses[rows], self._chain, self.is_revised = se2.compose(shift, poses[rows]), None, True
         self.fragments = np.where(fragments == later, earlier, fragments).tolist()
 
     def adopt(self, solved: PoseGraph, covariances: Cov) -> None:
@@ -176,7 +178,7 @@ class GrowingMap:
         self.graph.poses[:n] = solved.poses
         self.graph.poses[n:] = se2.compose(solved.poses[-1], later)
         self.graph.weights[: len(solved.weights)] = solved.weights
-        self.belief, self._chain = Belief.of(solved.poses, covariances), None
+        self.belief, self._chain, self.is_revised = Belief.of(solved.poses, covariances), None, True
 
     def thin(self) -> Bools:
         """Let the oldest keyframes of places that hold too many go, and return which rows stayed."""

@@ -32,7 +32,7 @@ from curvescan.types import Bools, Cov, Floats, Ints, Pose
 N_LINKED = 3  # preceding keyframes that a new one is matched with
 _SIGMAS = 5.0  # standard deviations that a keyframe may lie from where the graph has it: slips go far
 _MIN_SIMILARITY = 0.8  # least similarity by the place index of keyframes of a vague relative pose
-_N_LOGGED = 50_000  # loop-closure candidates whose record is kept, the latest
+_N_LOGGED = 50_000  # pairs of keyframes whose match is kept, the latest
 _FARTHEST = 6.0  # keyframes of a known relative pose are matched up to here, metres: opposite views share least nearby
 _N_DOUBLED = 8  # keyframes in a row that mostly fail, less those that mostly match: 6 on good maps, 8 on torn ones
 
@@ -59,7 +59,7 @@ class LoopSearch:
 
     def __init__(self, growing: GrowingMap, config: SlamConfig) -> None:
         self.config = config
-        self.closures: list[Closure] = []  # candidates that were matched, by the numbers of their keyframes
+        self.closures: dict[tuple[int, int], Closure] = {}  # the last match of each two keyframes, by their numbers
         self.is_urgent = False  # whether a loop closed that the graph did not expect: to be optimized at once
         self._map = growing
         self._queue: deque[Candidate] = deque()
@@ -129,9 +129,10 @@ class LoopSearch:
     def audit(self) -> bool:
         """Accept sets of matches that say more against the map than it costs to follow them; return whether any do."""
         graph, tied, alone, is_opened = self._map.graph, self._tied(), None, False
-        found = [c for c in self._latest() if c.outcome is not ClosureOutcome.NO_MATCH and (c.i, c.j) not in tied]
+        found = {(c.i, c.j): c for c in self._latest() if c.outcome is not ClosureOutcome.NO_MATCH}
+        found = {pair: c for pair, c in found.items() if pair not in tied}
         failing: dict[int, float] = {}
-        for said, members in sets_against(found, graph.poses, self.config):
+        for said, members in sets_against([*found.values()], graph.poses, self.config):
             if said <= self.config.closures.log_odds:
                 break  # nor do the others say more
             alone = alone or optimized(graph, weights=graph.weights)
@@ -141,7 +142,7 @@ class LoopSearch:
             if said + max(failed, 0.0) > cost_of(members, graph, alone.costs):
                 alone, is_opened = None, True
                 for one in members:
-                    self._accept(replace(one, outcome=ClosureOutcome.AGREED))
+                    self._accept(replace(found[one.i, one.j], outcome=ClosureOutcome.AGREED))
         return is_opened
 
     def doubled(self) -> tuple[Contradiction, ...]:
@@ -174,8 +175,8 @@ class LoopSearch:
     def _latest(self) -> list[Closure]:
         """Return the last match of each two keyframes of a part of the map that close a loop, by row."""
         row_of = {number: row for row, number in enumerate(self._map.keyframes.numbers.tolist())}
-        latest = {(c.i, c.j): c for c in self.closures if c.i in row_of and c.j in row_of}
-        by_row = (replace(c, i=row_of[c.i], j=row_of[c.j]) for c in latest.values())
+        latest = (c for c in self.closures.values() if c.i in row_of and c.j in row_of)
+        by_row = (replace(c, i=row_of[c.i], j=row_of[c.j]) for c in latest)
         return [c for c in by_row if c.is_loop and self._map.fragments[c.i] == self._map.fragments[c.j]]
 
     def _try(self, candidate: Candidate, index: int) -> list[Closure]:
@@ -217,9 +218,9 @@ class LoopSearch:
     def _log(self, closure: Closure) -> Closure:
         """Keep a record of a candidate and return it: by the numbers of its keyframes, which stay when others go."""
         i, j = (self._map.keyframes[k].number for k in (closure.i, closure.j))
-        record = replace(closure, i=i, j=j)
-        self.closures.append(record)
-        del self.closures[:-_N_LOGGED]
+        record = self.closures[i, j] = replace(closure, i=i, j=j)
+        if len(self.closures) > _N_LOGGED:
+            del self.closures[next(iter(self.closures))]
         return record
 
     def renumber(self, is_kept: Bools) -> None:

@@ -87,17 +87,18 @@ def read_map_file(path: str | os.PathLike[str]) -> dict[str, Any]:
             f"{path} is not a map that curvescan saved: give the map.csmap of `curvescan slam`; to localize, and for "
             "`curvescan map`, a map.yaml will do"
         )
-    version = int(file.read("csmap_version").ravel()[0])
-    if not 1 <= version <= VERSION:
+    version = file.read("csmap_version").ravel()
+    if not (version.size == 1 and 1 <= version[0] <= VERSION):
         raise LogFormatError(
-            f"{path} is a map of version {version}, and this curvescan reads up to {VERSION}: install a later one"
+            f"{path} is a map of version {str(version)[1:-1]}, and this curvescan reads up to {VERSION}: install a "
+            "later one"
         )
     if missing := [name for name in _REQUIRED if name not in file.headers]:
         raise LogFormatError(f"map {path} is damaged: {', '.join(missing)} missing")
     arrays = {name: file.read(name) for name in file.headers}
     try:
         return _map_of(arrays)
-    except (InvalidArgumentError, ValueError, IndexError, OverflowError) as error:
+    except (InvalidArgumentError, ValueError, LookupError, TypeError, OverflowError) as error:
         raise LogFormatError(f"map {path} is damaged: {error}") from error
 
 

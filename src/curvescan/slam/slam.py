@@ -132,7 +132,8 @@ class Slam:
         self._n_unsettled = self._n_unsettled + 1 if step.is_unsettled else 0
         self._records.add(step.stamp, seen)
         closures = self._search.work(step.index, self.config.closures.matches_per_scan)
-        is_revised = self._optimize_beside()
+        self._optimize_beside()
+        is_revised, self._map.is_revised = self._map.is_revised, False
         here = compose(self._map.current_in_map(), seen)
         return replace(
             step,
@@ -165,10 +166,9 @@ class Slam:
         self._origin, self._n_most_lost, self._n_unsettled = step, 0, 0
         return identity()
 
-    def _optimize_beside(self) -> bool:
-        """Take the result of an optimization that is due, begin the next one, and return whether poses were revised."""
-        is_revised = self._job is not None and self._n_scans >= self._job_due
-        if is_revised:
+    def _optimize_beside(self) -> None:
+        """Take the result of an optimization that is due, and begin the next one."""
+        if self._job is not None and self._n_scans >= self._job_due:
             self._adopt()
             self._search.renumber(self._map.thin())
         if self._job is None:
@@ -176,7 +176,6 @@ class Slam:
             is_grown = self.graph.n_poses - n_known >= max(_N_LEAST, _GROWTH * n_known)
             if self._search.is_urgent or is_grown:
                 self._job, self._job_due = self._begin_job(), self._n_scans + _N_ADOPT
-        return is_revised
 
     def _begin_job(self, *, is_last: bool = False) -> Future[tuple[PoseGraph, Cov]]:
         self._search.is_urgent = False
@@ -226,8 +225,8 @@ class Slam:
 
     @property
     def closures(self) -> list[Closure]:
-        """All loop-closure candidates that were matched, and what became of them."""
-        return self._search.closures
+        """Each two keyframes that were matched beside the drive, and what became of their last match."""
+        return list(self._search.closures.values())
 
     @property
     def n_fragments(self) -> int:

@@ -7,6 +7,7 @@ beside each field; a field marked *open* has no number in the paper.
 import math
 from dataclasses import dataclass, field
 
+from curvescan.configs import require_parts
 from curvescan.errors import require
 
 
@@ -102,4 +103,5 @@ class CfSmaConfig:
     by index, and slip along a wall. Measured: 0.15 to 0.2 are best, on seeds of their own and on the Intel log."""
 
     def __post_init__(self) -> None:
+        require_parts(self)
         require(self.consistency_distance > 0.0, "consistency_distance must be > 0 m", self.consistency_distance)

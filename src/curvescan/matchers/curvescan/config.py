@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from curvescan.configs import require_parts
 from curvescan.errors import require
 
 LASER_ERROR = 0.01
@@ -94,8 +95,8 @@ class ScoringConfig:
         require(self.n_samples >= 6, "n_samples must be at least 6", self.n_samples)
         require(self.min_inliers >= 1, "min_inliers must be at least 1", self.min_inliers)
         require(self.margin >= 0.0, "margin must be >= 0 m", self.margin)
-        for name in ("doubtful_score", "min_confidence"):
-            require(-1.0 <= getattr(self, name) <= 1.0, f"{name} must lie in [-1, 1]", getattr(self, name))
+        require(-1.0 <= self.doubtful_score <= 1.0, "doubtful_score must lie in [-1, 1]", self.doubtful_score)
+        require(0.0 <= self.min_confidence <= 1.0, "min_confidence must lie in [0, 1]", self.min_confidence)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +127,7 @@ class InformationConfig:
     degenerate_ratio: float = 0.1
     """A direction of which less than this share of the next one's information is known is searched along, and is open
     where the scans agree as well some way along it, or worse by this share at most if it is not known to a centimetre.
-    Below twice this share other poses along it are no rivals: the covariance holds them, and the direction is named."""
+    Below twice this share other poses along it do not compete: the covariance holds them, and it is named."""
 
     def __post_init__(self) -> None:
         for name in ("max_sigma", "degenerate_sigma", "degenerate_ratio"):
@@ -147,3 +148,6 @@ class CurvescanConfig:
     """Least squares."""
     information: InformationConfig = field(default_factory=InformationConfig)
     """Covariance."""
+
+    def __post_init__(self) -> None:
+        require_parts(self)

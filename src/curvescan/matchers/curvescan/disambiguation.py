@@ -25,7 +25,6 @@ _DIRECTION_SIGMA = 0.003  # standard deviation of a degenerate direction, radian
 _SHARE = 0.7
 # Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn.
 _LEAST_SHIFT = 0.5
-_MAX_CANDIDATES = 8
 _UNSEEN = 1 / 9  # odds of each thing that the scans cannot show: of 1,744 such pairs it is so in one of 8
 _BOX = 2.3  # metres from corner to corner of what agrees: in less a robot turns round
 
@@ -99,7 +98,7 @@ def competing_poses(problem: Problem, assessed: AssessedPose, placed: Assessment
         sure = first._replace(information=(sigma**-2, *first.information[1:]))
         known = sure.matrices((False, False, False), config)
     candidates, found, is_open, log_odds = [], first, assessed.is_degenerate, support.log_odds
-    for row in [0, *sorted(support.rivals, key=lambda row: -support.rivals[row])][:_MAX_CANDIDATES]:
+    for row in [0, *sorted(support.rivals, key=lambda row: -support.rivals[row])]:
         if row:
             found = assess_pose(problem.reference, problem.current, poses[row], config)
             is_open, log_odds = found.is_open, support.log_odds + support.rivals[row]

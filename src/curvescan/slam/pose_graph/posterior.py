@@ -33,7 +33,7 @@ _LEAST_VARIANCE = 1e-8
 
 
 def covariances_seen_from(graph: PoseGraph, k: int, noise: NoiseConfig, *, in_row: float = 0.0) -> Cov:
-    """Return (n, 3, 3) covariance of each pose with pose k known exactly; infinite in other components.
+    """Return (n, 3, 3) covariance of each pose with pose k known exactly; of other components LOST_COVARIANCE.
 
     in_row: Share of the variance of steps that no match measures which a whole row of them has in common.
     """
