@@ -396,10 +396,12 @@ def test_ctrl_c_keeps_what_there_is(log, tmp_path, capsys, monkeypatch):
     out = tmp_path / "out"
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # jobs in the background
     try:
-        assert run(["odometry", str(log), "--out", str(out)]) == 0
+        assert run(["odometry", str(log), "--out", str(out)]) == 3
     finally:
         signal.signal(signal.SIGINT, before)
-    assert "of 8 (partial)" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "of 8 (partial)" in told
+    assert "not to be trusted: the run was interrupted after" in told
     record = json.loads((out / "run.json").read_text())
     assert record["is_partial"] is True
     assert record["scans"] in (5, 6)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from curvescan import read_log, simulate
-from curvescan.diagnostics.top_of_range import Ring, TopOfRange
+from curvescan.diagnostics.top_of_range import Ring, TopOfRange, is_of_walls
+from curvescan.io.arrays.memory import MemoryLog
 from curvescan.scan import LaserScan
 
 
@@ -48,6 +49,22 @@ def test_the_far_end_of_a_corridor_seen_by_a_standing_sensor_is_no_code():
     rows[:, 80:100] = 25.0
     rows += 0.01 * rng.standard_normal(rows.shape)
     assert counted(rows).code_band() is None
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+def test_a_wall_that_a_turning_sensor_sees_with_all_its_beams_is_no_code(noise):
+    """A sensor that turns on the spot, 6 m from a wall: each beam has it at 6 m and a little more."""
+    rng, turns = np.random.default_rng(3), np.radians(np.arange(0, 360, 3.0))
+    bearing = turns[:, np.newaxis] - 1.57 + 0.0174 * np.arange(180)
+    wall = 6.0 / np.maximum(np.cos(bearing), 1e-9)
+    rest = rng.uniform(1.0, 5.0, wall.shape)
+    rows = np.where(wall < 6.3, wall + noise * rng.standard_normal(wall.shape), rest)
+    code = np.where(wall < 6.3, 6.1, rest)
+    jitter = code + 0.05 * rng.standard_normal(code.shape)
+    for seen, is_wall in ((rows, True), (code, False), (jitter, False)):
+        log = MemoryLog(scans=tuple(scan_of(row) for row in seen))
+        assert is_of_walls(log, (5.9, 6.3)) is is_wall
+    assert not is_of_walls(MemoryLog(scans=()), (5.9, 6.3))
 
 
 def test_fewer_than_two_in_a_thousand_are_left_alone():

@@ -4,6 +4,7 @@ import functools
 import inspect
 import os
 import sys
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
@@ -50,6 +51,24 @@ DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
 
 def run(arguments: list[str]) -> int:
     """Return the exit status of a command line (130 when Ctrl-C ended it before there was a result)."""
+    with warnings.catch_warnings():
+        warnings.showwarning = _warning_shown()
+        return _run(arguments)
+
+
+def _warning_shown() -> Callable[..., None]:
+    """Return what tells the first warning of a kind in a sentence: a log has the same one in each scan."""
+    told: set[type[Warning]] = set()
+
+    def show(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+        if category not in told:
+            told.add(category)
+            print(f"curvescan: {printable(str(message), MAX_SENTENCE)}", file=sys.stderr)
+
+    return show
+
+
+def _run(arguments: list[str]) -> int:
     try:
         if (text := _help(arguments)) is not None:
             print(text)
@@ -78,6 +97,10 @@ def run(arguments: list[str]) -> int:
         # the reader of our output (head, less) has gone: nobody is left to read it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
+    except OSError as error:  # of standard output: all else is told by where it happens
+        print(f"curvescan: cannot print: {error.strerror or error}; make room, or print elsewhere", file=sys.stderr)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BAD_INPUT
 
 
 def _help(arguments: list[str]) -> str | None:

@@ -29,6 +29,11 @@ if TYPE_CHECKING:
 class _PrintableConsole(Console):
     """Prints text of others as it is, but for what would move the cursor, colour the rest or cannot be encoded."""
 
+    def on_broken_pipe(self) -> None:
+        """Go on in silence where the reader of the output (head, less) has gone; the exit status is the command's."""
+        self.quiet = True
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         for segment in super().render(renderable, options):
             text = segment.text

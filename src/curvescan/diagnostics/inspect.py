@@ -11,7 +11,7 @@ from curvescan.diagnostics.motion_prior import Gyroscope, judge_gyroscope
 from curvescan.diagnostics.rotation_direction import RotationDirection, odometry_lag
 from curvescan.diagnostics.sensor import BeamOrder, SensorJudgement, judge_sensor
 from curvescan.diagnostics.statistics import FixedBeams, LogStatistics
-from curvescan.diagnostics.top_of_range import Ring
+from curvescan.diagnostics.top_of_range import Ring, is_of_walls
 from curvescan.io.files.lines import ReadError
 from curvescan.io.log import Log, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -135,7 +135,7 @@ _MISSING = 1.6  # steps from which on a sweep is missing, in medians
 def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
     """Return what a log holds and what is wrong with it.
 
-    Reads the scans once, and once more where wheels or a gyroscope measure the robot's turns. :func:`find_issues` says
+    Reads the scans once, and once more where the robot's turns are measured or readings look like codes. :func:`find_issues` says
     in sentences what the figures mean. log: any source of scans, a simulated one too, it may be empty; sensor: what its
     scans say of the sensor, where that was judged before.
     """
@@ -150,6 +150,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
     frequent = statistics.codes.most_common(_MAX_CODES)
     codes = (ReadingCode(value=value, share=count / statistics.n_readings) for value, count in frequent)
     odometry, sensor = log.odometry, sensor or judge_sensor(log)
+    code_band, ring = statistics.top_of_range.code_band(), statistics.top_of_range.ring()
     return LogReport(
         name=log.name,
         format=log.format,
@@ -173,8 +174,8 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         largest_reading=max(statistics.top, default=math.nan),
         codes=tuple(code for code in codes if code.share >= _MIN_CODE_SHARE),
         suspect=_suspect(statistics),
-        code_band=statistics.top_of_range.code_band(),
-        ring=statistics.top_of_range.ring(),
+        code_band=None if code_band is None or is_of_walls(log, code_band[:2]) else code_band,
+        ring=None if ring is None or is_of_walls(log, ring[:2]) else ring,
         odometry=None if odometry is None else _summarise_odometry(odometry, odometry_lag(log, odometry.poses[:, 2])),
         mount=_mount(log, odometry),
         is_upside_down=isinstance(log, ScanAccess) and log.hangs_upside_down(),

@@ -27,6 +27,7 @@ _MIN_PAIRS = 10
 _FIXED = 0.03  # largest standard deviation of a beam that keeps its reading, metres
 _MOVING = 0.2  # standard deviation that half of the other beams exceed, metres: else the sensor stands, as walls do
 _MAX_FIXED_SHARE = 0.3
+_MIN_SCANS = 100  # in fewer, beams of one drive in ten keep their reading by chance
 _FAR = 1e6  # deviations count up to this many metres, so that a reading of 1e300 has a square
 _BODY = 1.5  # how far from its laser a robot may reach, metres
 _EDGE = 3  # beams from those that see the robot to those that see past it; between them are some that see both
@@ -87,6 +88,8 @@ class BeamStatistics:
     @property
     def fixed_beams(self) -> FixedBeams | None:
         """Beams that keep their reading beside a room that begins at once, while the sensor moves; None without any."""
+        if self._n_scans < _MIN_SCANS:
+            return None
         well_seen = 2 * self._counts > self._n_scans
         counts = np.maximum(self._counts, 1.0)
         means = self._sums / counts

@@ -9,8 +9,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from curvescan.io.log import Log
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Floats
 
@@ -26,7 +28,9 @@ _WIDTHS, _LOOSE_WIDTHS = (1, 2, 5, 10), (1, 2, 5, 10, 20)  # of a ring, bins: of
 _TIMES = (
     4  # how much denser a ring is than what lies beside it; in 17 real logs without codes no band is twice as dense
 )
-_ONE_IN, _MIN_SCANS = 50, 20  # a ring has one reading in so many at least, in so many scans: fewer moved no drive
+_ONE_IN, _MIN_SCANS = 50, 50  # a ring has one reading in so many at least, in so many scans: fewer moved no drive
+_ARCS, _N_PROBED = (5, 10, 20), 2_000  # neighbouring readings that tell an arc from a line; scans that are asked
+_CHANCE = 4.0  # two standard deviations of the ratio of two variances, times the root of their degrees of freedom
 _N_SURFACE, _LOOSE_IN = 4, 3  # neighbouring readings of a surface; readings of a ring, of which one is of no surface
 
 
@@ -93,6 +97,30 @@ class TopOfRange:
                 # what is rounded lies on the edge of a bin
                 return Ring((low - 0.5) * _BIN, (low + n + 0.5) * _BIN, n_inside / total, counts is self._loose)
         return None
+
+
+def is_of_walls(log: Log, band: tuple[float, float]) -> bool:
+    """Return whether readings of a band of ranges lie on straight lines rather than on circles about the sensor.
+
+    A robot that turns on the spot sees a wall at one distance with all of its beams. A code is no wall: to arcs of its
+    readings, short and long ones, a circle fits better than a line, or as badly.
+    """
+    squares, n = np.zeros((len(_ARCS), 2)), np.zeros(len(_ARCS))  # of what circles and lines leave
+    for k in range(0, len(log), max(len(log) // _N_PROBED, 1)):
+        scan = log[k]
+        for row, size in enumerate(_ARCS):
+            arcs = sliding_window_view(np.pad(np.where(scan.valid, scan.ranges, np.inf), (0, size)), size)
+            arcs = arcs[((arcs >= band[0]) & (arcs <= band[1])).all(axis=1)]
+            angles = scan.mean_increment * np.arange(size)
+            line = np.linalg.qr(np.column_stack((np.cos(angles), np.sin(angles))))[0]  # 1 / r = a cos + b sin
+            off = arcs**2 * (1.0 / arcs - 1.0 / arcs @ line @ line.T)
+            squares[row] += (
+                np.sum((arcs - arcs.mean(axis=1, keepdims=True)) ** 2) / (size - 1),
+                np.sum(off**2) / (size - 2),
+            )
+            n[row] += len(arcs)
+    by_circle, by_line = squares.T
+    return bool((by_circle > (1.0 + _CHANCE / np.sqrt(np.maximum(n, 1))) * by_line).any())
 
 
 def _densest(counts: NDArray[np.int32], widths: tuple[int, ...], total: int) -> tuple[int, int]:

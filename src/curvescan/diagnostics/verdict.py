@@ -71,6 +71,7 @@ class Evidence:
     n_scans: int
     n_recorded: int = 0
     is_cut: bool = False
+    is_interrupted: bool = False
     is_unmatched: Bools
     is_open: Bools
     is_known: Bools
@@ -124,6 +125,7 @@ class Evidence:
 _TESTS: dict[str, Callable[[Evidence], bool]] = {
     "too_few": lambda e: e.n_scans < 2,
     "cut": lambda e: e.is_cut,
+    "interrupted": lambda e: e.is_interrupted,
     "parts": lambda e: e.n_parts > 1,
     "not_found": lambda e: e.engine == "localization" and e.found < MIN_FOUND,
     "unmatched": lambda e: e.engine != "localization" and e.n_unmatched > e.most_unmatched,
@@ -203,6 +205,7 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
         n_scans=len(poses),
         n_recorded=log.n_recorded() if isinstance(log, ScanAccess) else 0,
         is_cut=log is not None and any(error.is_end for error in log.read_errors),
+        is_interrupted=record.is_partial,
         is_unmatched=record.is_failed,
         is_open=record.is_degenerate,
         is_known=np.isfinite(poses[:, 0]),

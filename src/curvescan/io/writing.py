@@ -17,8 +17,8 @@ from curvescan.configs import look_up
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.files.lines import as_path
-from curvescan.io.files.output import output_file, output_folder
-from curvescan.io.log import Log
+from curvescan.io.files.output import check_is_other, output_file, output_folder
+from curvescan.io.log import Log, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.types import Points, PoseEdge
@@ -95,15 +95,23 @@ def write_log(
     target, log = as_path(path, "the file to write"), as_log(log)
     row = _choose(target, format)
     if source is not None:
-        _check_is_other(target, Path(source))
+        check_is_other(target, Path(source))
     if row.is_folder and target.exists() and not (target.is_dir() and not any(target.iterdir())):
         raise OutputError(f"{target} exists, and a ROS 2 bag is a folder of its own: remove it or choose another name")
     write: LogWriter = pkgutil.resolve_name(row.writer)
     with output_folder(target) if row.is_folder else output_file(target) as new:
         try:
-            return write(new, log, on_scan or (lambda: None))
+            return (*write(new, log, on_scan or (lambda: None)), *_mount_lost(log))
         except sqlite3.Error as error:
             raise OutputError(f"cannot write {target}: {error}") from error
+
+
+def _mount_lost(log: Log) -> tuple[str, ...]:
+    """Return that no format says where the laser sits on the robot, where the log knows it."""
+    robot, laser = log.robot_odometry() if isinstance(log, ScanAccess) else None, log.odometry
+    if robot is None or laser is None or np.array_equal(robot.poses, laser.poses, equal_nan=True):
+        return ()
+    return ("where the laser sits on the robot: the odometry is written as poses of the laser",)
 
 
 def _choose(path: Path, name: str | None) -> OutputFormat:
@@ -120,17 +128,6 @@ def _choose(path: Path, name: str | None) -> OutputFormat:
     if is_packed and not row.is_text:
         raise InvalidArgumentError(f"only text is written gzip-compressed, got {path.name}: leave the ending .gz out")
     return row
-
-
-def _check_is_other(target: Path, source: Path) -> None:
-    real, origin = Path(os.path.realpath(target)), Path(os.path.realpath(source))
-    is_same = target.exists() and source.exists() and target.samefile(source)
-    if is_same or real == origin or origin in real.parents or real in origin.parents:
-        raise OutputError(
-            f"{target} is the log itself, or shares its folder with it: choose another name"
-            if is_same or real == origin
-            else f"{target} lies within the log {source}, or around it: choose another name"
-        )
 
 
 class RunData(NamedTuple):

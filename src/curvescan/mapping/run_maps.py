@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
-from itertools import tee
+from itertools import chain, tee
 
 from curvescan import se2
 from curvescan.errors import MapTooLargeError
@@ -37,11 +37,13 @@ def build_maps(
     cell: float | None = 0.05,
     occupancy: OccupancyConfig | None = None,
     about: Points | None = None,
+    before: Iterable[tuple[LaserScan, Pose]] = (),
 ) -> RunMaps:
     """Return the maps of a run; one that would be too large is left out.
 
     poses (n, 3): of the sensor at each scan, none NaN; is_joined (n,); cell: side of the cells of `standing` and
-    `moved`, metres, None for neither; occupancy: how to make the occupancy map, None for none; about: where it lies.
+    `moved`, metres, None for neither; occupancy: how to make the occupancy map, None for none; about: where it lies;
+    before: scans of earlier sessions that it shows as well, and where each was.
     """
     standing, moving = OccupiedCells(cell or 1.0), OccupiedCells(cell or 1.0)
     builder = OccupancyBuilder(occupancy) if occupancy else None
@@ -50,8 +52,9 @@ def build_maps(
             builder.make_room(about)
     why_no_grid = ""
     kept, watched = tee(map(copy, scans))  # the points of a copy go with it
-    for scan, pose, moved in zip(kept, poses, dynamic_along(watched, poses, is_joined), strict=False):
-        if cell is not None:
+    now = zip(kept, poses, dynamic_along(watched, poses, is_joined), strict=False)
+    for scan, pose, moved in chain(((*one, None) for one in before), now):
+        if cell is not None and moved is not None:
             points = se2.transform(pose, scan.points)
             standing.add(points[scan.valid & ~moved])
             moving.add(points[moved])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from html import escape
 from io import BytesIO
@@ -26,7 +26,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import Step
-from curvescan.runs.results import maps_of_run, save_run, with_grid
+from curvescan.runs.results import maps_of_run, save_run
 from curvescan.slam import Localizer, Slam, SlamMap
 from curvescan.types import Pose
 
@@ -107,7 +107,7 @@ class Run:
         if isinstance(self.engine, Localizer):
             return self.engine.map
         maps = self.maps or maps_of_run(self, cell=None)
-        return with_grid(self.engine.map, maps, self.occupancy) if isinstance(self.engine, Slam) else maps.grid
+        return replace(self.engine.map, grid=maps.grid) if isinstance(self.engine, Slam) else maps.grid
 
     @property
     def first_fix(self) -> int | None:

@@ -25,7 +25,6 @@ from curvescan.io.ros.bags.bag_files import storage_files
 from curvescan.io.trajectories.layouts import write_csv, write_tum
 from curvescan.io.trajectories.relations import write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps, build_maps
@@ -35,7 +34,6 @@ from curvescan.odometry.step import IN_MAP
 from curvescan.runs.graph_files import describe_graph, write_closures, write_view_file
 from curvescan.slam import Localizer, Slam
 from curvescan.slam.loop_search import Beside
-from curvescan.slam.map import SlamMap
 
 if TYPE_CHECKING:
     from curvescan.runs.result import Run
@@ -76,7 +74,7 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
         write_map(folder, maps.grid)
     if isinstance(engine, Slam) and graph is not None:
         write_tum(folder / "trajectory_online.tum", record.online)
-        slam_map = with_grid(graph, maps, run.occupancy)
+        slam_map = dataclasses.replace(graph, grid=maps.grid)
         slam_map.save(folder / "map.csmap")
         keyframes = Trajectory(stamps=np.array([scan.stamp for scan in slam_map.scans]), poses=slam_map.poses)
         write_g2o(folder / "graph.g2o", keyframes, slam_map.edges)
@@ -104,16 +102,15 @@ def maps_of_run(run: Run, *, cell: float | None) -> RunMaps:
     if isinstance(engine, Localizer):
         return RunMaps(standing=engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
     seen = deskewed_along(run.scans, record.trajectory) if is_deskewed(engine) else run.scans
-    about = None
-    if isinstance(engine, Slam):
-        about = occupied_cells([keyframe.scan for keyframe in engine.keyframes], engine.graph.poses, 1.0)
-    return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=run.occupancy, about=about)
-
-
-def with_grid(slam_map: SlamMap, maps: RunMaps, occupancy: OccupancyConfig) -> SlamMap:
-    """Return a map with the occupancy that all scans of the run show; of sessions before there are only keyframes."""
-    grid = slam_map.occupancy(occupancy) if slam_map.n_sessions > 1 else maps.grid
-    return dataclasses.replace(slam_map, grid=grid)
+    if not isinstance(engine, Slam):
+        return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=run.occupancy)
+    keyframes = [*engine.keyframes]
+    about = occupied_cells([keyframe.scan for keyframe in keyframes], engine.graph.poses, 1.0)
+    of_keyframes = zip(keyframes, engine.graph.poses, strict=True)
+    before = [(one.scan, pose) for one, pose in of_keyframes if one.session < keyframes[-1].session]
+    return build_maps(
+        seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=run.occupancy, about=about, before=before
+    )
 
 
 def _draw(folder: Path, name: str, *args: Any, **options: Any) -> None:

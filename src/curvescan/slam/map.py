@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from curvescan.errors import MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.scan import LaserScan
@@ -78,11 +80,11 @@ class SlamMap:
         return builder.grid(is_last=True)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the map to a file, conventionally NAME.csmap, in one step; see docs/slam.md for the format.
-
-        Raises OutputError when it cannot be written.
-        """
-        write_map_file(path, self)
+        """Write the map and its occupancy to a file, NAME.csmap by custom; see docs/maps.md. Raises OutputError."""
+        whole = self
+        with suppress(MapTooLargeError):  # then without
+            whole = replace(self, grid=self.occupancy()) if self.scans else self
+        write_map_file(path, whole)
 
 
 def as_map(given: SlamMap | str | os.PathLike[str]) -> SlamMap:

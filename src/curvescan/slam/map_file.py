@@ -89,10 +89,8 @@ def read_map_file(path: str | os.PathLike[str]) -> dict[str, Any]:
         )
     version = file.read("csmap_version").ravel()
     if not (version.size == 1 and 1 <= version[0] <= VERSION):
-        raise LogFormatError(
-            f"{path} is a map of version {str(version)[1:-1]}, and this curvescan reads up to {VERSION}: install a "
-            "later one"
-        )
+        last = f"install a later curvescan, as this one reads up to {VERSION}"
+        raise LogFormatError(f"{path} is a map of version {str(version)[1:-1]}: {last}")
     if missing := [name for name in _REQUIRED if name not in file.headers]:
         raise LogFormatError(f"map {path} is damaged: {', '.join(missing)} missing")
     arrays = {name: file.read(name) for name in file.headers}

@@ -66,6 +66,24 @@ def test_sensors_may_differ_between_the_scans(n_beams):
     assert result.labels_current.size == n_beams[1]
 
 
+def test_a_full_circle_is_the_same_whichever_beam_is_listed_first():
+    """With gaps, where nothing came back, and a resolution of a centimetre: the sensor of a cheap laser."""
+    rng, drive = np.random.default_rng(5), cs.simulate("office", sensor="spinning-360", n_scans=12, seed=3)
+    scans = [np.where(rng.random(len(s)) < 0.3, np.nan, np.round(s.ranges, 2)) for s in (drive[4], drive[8])]
+    step = 2.0 * np.pi / len(drive[0])
+
+    def listed(ranges, first):
+        return cs.LaserScan(
+            np.roll(ranges, -first), angle_min=-np.pi + first * step, angle_increment=step, range_max=20.0
+        )
+
+    found = [cs.match(*(listed(ranges, first) for ranges in scans)) for first in (0, 50, 90, 211)]
+    assert found[0].ok
+    for other in found[1:]:
+        np.testing.assert_allclose(other.pose, found[0].pose, atol=1e-9)
+        assert other.confidence == pytest.approx(found[0].confidence, abs=1e-9)
+
+
 @pytest.mark.parametrize("n_beams", [359, 360, 361])
 def test_full_circles_join_at_the_seam_however_many_beams(n_beams):
     step = math.radians(1.0)

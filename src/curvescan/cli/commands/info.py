@@ -239,8 +239,9 @@ def match(
         result = match_scans(reference, current, method=matching.method, config=matching.matcher)
         names = (f"scan {i}", f"scan {j}")
         record = save_match(folder, result, scans=(reference, current), names=names, cfsma=matching.cfsma)
-    OUT.print(f"{source.name}: scan {j} seen from scan {i}: {result.outcome.value}")
+    said = f"{source.name}: scan {j} seen from scan {i}: {result.outcome.value}"
     if result.ok:
+        OUT.print(said)
         x, y, theta = result.pose
         sigma = np.sqrt(np.diag(result.covariance))
         OUT.print(
@@ -253,6 +254,8 @@ def match(
     if "readings_reference" in record:
         _show_gates(record["readings_reference"], record["readings_current"], names)
     OUT.print(f"wrote {out}/segments.png, curvature.png, matched.png, match.json")
+    if not result.ok:
+        OUT.print(f"{said}; what helps: scans that share more, or `curvescan odometry`, which knows the motion")
     return 0 if result.ok else 3
 
 

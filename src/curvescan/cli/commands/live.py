@@ -17,7 +17,7 @@ import curvescan
 from curvescan.cli.console import ERR, OUT, free_port, open_browser, propose_commands, wait, with_flags
 from curvescan.cli.options import Flag, LogFlags, LogUse, MethodName, Preparation
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.files.output import output_folder
+from curvescan.io.files.output import check_is_other, output_folder
 from curvescan.io.log import HeldLog
 from curvescan.mapping.config import OccupancyConfig
 
@@ -59,6 +59,12 @@ class SourceFlags:
 
         if log is not None and self.driver is not None:
             raise InvalidArgumentError("LOG and --driver exclude each other: give one")
+        if self.driver is None and self.port is not None:
+            raise InvalidArgumentError(f"--port {self.port} needs --driver: which laser is there")
+        if log is not None and self.scans is not None:
+            raise InvalidArgumentError(
+                "--scans is of the simulated robot, and a LOG is replayed to its end: leave it out"
+            )
         if self.driver is not None:
             if self.port is None:
                 raise InvalidArgumentError(f"--driver {self.driver} needs --port: where the laser is")
@@ -171,6 +177,10 @@ def live(
     occupancy
         How to make the occupancy map.
     """
+    if record is not None and record.suffix != ".mcap":
+        raise InvalidArgumentError(f"--record writes MCAP: give it a name that ends in .mcap, got {record}")
+    if record is not None and log is not None:
+        check_is_other(record, log)
     laser = source.open(log, use)
     with ExitStack() as pages:
         saved: Any = None

@@ -13,7 +13,7 @@ import tyro
 
 from curvescan.cli.console import ERR, OUT, free_port, open_browser, show, wait, with_flags
 from curvescan.cli.options import BenchmarkName, Flag, LaserPose, OutFolder, in_radians, results_folder
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import InvalidArgumentError, OutputError, require
 from curvescan.io.writing import ExportName, RunData, write_exports, write_pcd, write_ply
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ class ChangeFlags:
 
         if self.merge is not None:
             given = _merged(given, opened(self.merge))
+        require(math.isfinite(self.turn), "--turn must be finite degrees", self.turn)
         editing: Any = operations if _has_keyframes(given) else grid_editing
         if self.turn:
             given = editing.turned(given, math.radians(self.turn))
@@ -99,6 +100,10 @@ def edit_map(
     from curvescan.slam.localization.grid_map import opened
 
     out = results_folder(out, file, "map")
+    if (out / "trajectory.csv").exists():
+        raise OutputError(
+            f"{out} holds a run, whose other results would not fit the map any more: choose another folder"
+        )
     edited = changes.changed(opened(file))
     if export and not _has_keyframes(edited):
         raise InvalidArgumentError(

@@ -184,6 +184,9 @@ def localize(
     if initial_pose is not None:
         x, y, deg, *sigmas = initial_pose
         begin = np.array([x, y, math.radians(deg)])
+        if not (np.isfinite(initial_pose).all() and all(sigma > 0.0 for sigma in sigmas)):
+            given = " ".join(f"{value:g}" for value in initial_pose)
+            raise InvalidArgumentError(f"--initial-pose takes finite X Y DEG and deviations M DEG > 0, got {given}")
         if sigmas:
             begin = UncertainPose(begin, np.diag([sigmas[0] ** 2] * 2 + [math.radians(sigmas[1]) ** 2]))
     options = {"map": map, "initial_pose": begin}

@@ -20,7 +20,7 @@ from curvescan._interrupts import cleaned_up_by, held_back, note_written
 from curvescan.errors import CurvescanError, OutputError
 from curvescan.io.files.lines import as_path, printable
 
-__all__ = ["HIDDEN_PREFIX", "output_file", "output_folder"]
+__all__ = ["HIDDEN_PREFIX", "check_is_other", "output_file", "output_folder"]
 
 HIDDEN_PREFIX = ".curvescan-"  # beginning of the names of temporary folders
 RECORDS = ("run.json", "results.json")  # files that list, under ``"files"``, the results they belong to
@@ -60,6 +60,18 @@ def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
             replace(temporary / target.name, target)
             if not target.parent.name.startswith(HIDDEN_PREFIX):
                 note_written(printable(os.fspath(path), _MAX_PATH))
+
+
+def check_is_other(target: Path, source: Path) -> None:
+    """Raise OutputError where a file to write is the log that it is made of, or lies in its folder."""
+    real, origin = Path(os.path.realpath(target)), Path(os.path.realpath(source))
+    is_same = target.exists() and source.exists() and target.samefile(source)
+    if is_same or real == origin or origin in real.parents or real in origin.parents:
+        raise OutputError(
+            f"{target} is the log itself, or shares its folder with it: choose another name"
+            if is_same or real == origin
+            else f"{target} lies within the log {source}, or around it: choose another name"
+        )
 
 
 @contextmanager

@@ -60,9 +60,13 @@ class FinishedView:
 
         Raises
         ------
+        InvalidArgumentError
+            When the name does not end in .html.
         OutputError
             When it cannot be written.
         """
+        if Path(path).suffix.lower() not in (".html", ".htm"):
+            raise InvalidArgumentError(f"a page needs a name that ends in .html, got {os.fspath(path)!r}")
         with output_file(path) as new:
             new.write_text(self._html(), encoding="utf-8", newline="\n")
 

@@ -68,6 +68,10 @@ def find_logs(patterns: Iterable[str | os.PathLike[str]]) -> tuple[LogState, ...
             raise InvalidArgumentError(
                 f"no log matches {os.fspath(pattern)!r}: give the path of a log, or a pattern such as 'logs/**/*.bag'"
             )
+    if not (paths or remote):
+        raise InvalidArgumentError(
+            "a batch needs at least one log: give its path, or a pattern such as 'logs/**/*.bag'"
+        )
     bags = {path for path in paths if path.is_dir()}
     local = sorted(path for path in paths if path.parent not in bags)
     return (*map(LogState.of, local), *(remote[url] for url in sorted(remote)))

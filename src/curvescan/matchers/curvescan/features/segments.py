@@ -135,8 +135,28 @@ def break_order(sweep: Sweep, incidence_limit: float, jump: float) -> tuple[Ints
 
 
 @kernel
+def begin_of_longest(ranges: Floats, order: Ints, breaks: Bools) -> int:
+    """Return where the longest surface of a full circle begins, whichever beam the sensor lists first; 0 without any.
+
+    Of surfaces with as many readings it is that which begins farthest away.
+    """
+    m = order.size
+    first, most, last = 0, 0, -1
+    for i in range(2 * m):
+        j = i % m
+        if not breaks[j]:
+            continue
+        if last >= 0:
+            n, begin = i - last, last % m
+            if n > most or (n == most and ranges[order[begin]] > ranges[order[first]]):
+                first, most = begin, n
+        last = i
+    return first
+
+
+@kernel
 def ordered_readings(sweep: Sweep, incidence_limit: float, jump: float) -> tuple[Ints, Floats, Ints]:
-    """Return the valid readings counter-clockwise from a breakpoint on, and where surfaces end.
+    """Return the valid readings counter-clockwise, of a full circle from a breakpoint on, and where surfaces end.
 
     beam_idx (m,): the scan's own index of each; readings (m, 3): x, y and range, metres; bounds (s + 1,): segment k is
     readings[bounds[k]:bounds[k + 1]].
@@ -145,11 +165,7 @@ def ordered_readings(sweep: Sweep, incidence_limit: float, jump: float) -> tuple
     order, breaks = break_order(sweep, incidence_limit, jump)
     m = order.size
     join_grazed(ranges, directions, order, breaks)
-    first = 0
-    while first < m - 1 and not breaks[first]:
-        first += 1
-    if m > 0 and not breaks[first]:
-        first = 0
+    first = begin_of_longest(ranges, order, breaks) if sweep.is_closed else 0
     beam_idx = np.empty(m, dtype=np.int64)
     readings = np.empty((m, 3))
     bounds = np.empty(m + 1, dtype=np.int64)
