@@ -58,6 +58,17 @@ def test_a_page_replaces_no_log(log, tmp_path):
     with pytest.raises(cs.InvalidArgumentError, match=r"needs a name that ends in \.html, got"):
         cs.view(cs.run(log, "odometry")).save(log)
     assert log.read_bytes() == before
+    with pytest.raises(cs.InvalidArgumentError, match="or a run, got NoneType"):
+        cs.view(None)
+
+
+def test_what_goes_with_the_run_before_is_told(log, tmp_path, capsys):
+    out = tmp_path / "out"
+    for command, gone in (("slam", ""), ("slam", ""), ("odometry", "closures.csv, graph.g2o, graph.png, map.csmap")):
+        assert run([command, str(log), "--out", str(out)]) in (0, 3)
+        told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("removed from")]
+        assert len(told) == bool(gone)
+        assert gone in "".join(told)
 
 
 def test_a_map_is_not_changed_in_the_folder_of_its_run(log, tmp_path, capsys):

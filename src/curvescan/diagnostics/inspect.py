@@ -135,9 +135,9 @@ _MISSING = 1.6  # steps from which on a sweep is missing, in medians
 def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
     """Return what a log holds and what is wrong with it.
 
-    Reads the scans once, and once more where the robot's turns are measured or readings look like codes. :func:`find_issues` says
-    in sentences what the figures mean. log: any source of scans, a simulated one too, it may be empty; sensor: what its
-    scans say of the sensor, where that was judged before.
+    Reads the scans once, and once more where the robot's turns are measured or readings look like codes.
+    :func:`find_issues` says in sentences what the figures mean. log: any source of scans, a simulated one too, it may
+    be empty; sensor: what its scans say of the sensor, where that was judged before.
     """
     statistics = LogStatistics()
     for scan in log:

@@ -267,6 +267,8 @@ def evaluate(
     from curvescan.runs.evaluation import evaluate as measure
     from curvescan.runs.evaluation import tables_of
 
+    if benchmark is not None and relations is None:
+        raise InvalidArgumentError(f"--benchmark {benchmark} prints what was published of relations: give --relations")
     errors = measure(
         trajectory,
         relations=relations,

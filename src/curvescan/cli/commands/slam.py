@@ -12,7 +12,7 @@ import numpy as np
 import tyro
 
 import curvescan
-from curvescan.cli.console import OUT, run_display
+from curvescan.cli.console import ERR, OUT, run_display
 from curvescan.cli.options import (
     Chain,
     LogFlags,
@@ -79,8 +79,11 @@ def _run(
 
     source = use.reading.open(log)
     options |= use.options(matching)
+    before = {path.name for path in out.iterdir()} if out.is_dir() else set()
     with run_display() as display:
         result = run(source, out=out, source=log, keeps_steps=False, display=display, **options)
+    if gone := sorted(before - {path.name for path in out.iterdir()}):
+        ERR.print(f"removed from {out}, where the run before had written them: {', '.join(gone)}", soft_wrap=True)
     return report(result, out)
 
 

@@ -112,7 +112,7 @@ def view(run: Any, other: Any = None) -> FinishedView:
     LogFileError, LogFormatError
         When a folder is not one of results, or is damaged.
     """
-    return FinishedView([_finished(one) for one in (run, other) if one is not None])
+    return FinishedView([_finished(one) for one in ((run,) if other is None else (run, other))])
 
 
 def _finished(run: Any) -> FinishedRun:
