@@ -188,5 +188,5 @@ def test_a_pole_on_the_robot_does_not_hold_the_odometry():
 
 @pytest.mark.parametrize(("world", "n_scans"), [("office-floor", 30), ("office-floor", 40), ("office", 60)])
 def test_a_short_log_with_nothing_wrong_is_left_as_it_is(world, n_scans):
-    """A robot that turns on the spot sees one wall with all its beams, and single beams keep their reading by chance."""
+    """A robot that turns on the spot sees one wall with all its beams; single beams keep their reading by chance."""
     assert mend(as_log(cs.simulate(world, sensor="urg-04lx", n_scans=n_scans))).done == ()
