@@ -244,10 +244,10 @@ class Table:
             assessed = cs.match(ref, cur, prior=prior).trace.assessed
             if assessed.support is None:
                 continue
-            weighed, support = assessed.weighed, assessed.support
-            rows = [0, *support.rivals][: 1 + N_RIVALS]
+            scored, support = assessed.scored, assessed.support
+            rows = [0, *support.competing][: 1 + N_RIVALS]
             terms = np.full((1 + N_RIVALS, len(COEFFICIENTS)), np.nan)
-            terms[: len(rows)] = terms_of(weighed.evidence, weighed.priors, weighed.wide_priors)[rows]
+            terms[: len(rows)] = terms_of(scored.evidence, scored.priors, scored.wide_priors)[rows]
             terms[1:, PRIORS] = np.minimum(terms[1:, PRIORS], terms[0, PRIORS])  # to be expected more makes no rival
             self.names.append(name)
             self.terms.append(terms)
@@ -256,14 +256,14 @@ class Table:
             self.confidence.append(support.probabilities(assessed.ties)[0])
             self.unseen.append(unseen_odds(assessed, assessed.assessment))
             is_alone = set(support.repeated) <= set(assessed.ties)
-            self.is_repeated.append(not is_alone or weighed.may_be_turned)
+            self.is_repeated.append(not is_alone or scored.may_be_turned)
 
 
 def _right(assessed: AssessedPose, rows: list[int], true: Pose | None, near: tuple[float, float]) -> int:
     """Return which of some rows is right, the first among them the best pose; -1 if none is."""
     if true is None:
         return -1
-    poses, assessment = assessed.weighed.poses, assessed.assessment
+    poses, assessment = assessed.scored.poses, assessed.assessment
     along = assessed.is_degenerate[0] and is_along(assessment.weakest, poses[0], true, 0.15)
     if is_near(poses[0], true, near) or along:
         return 0

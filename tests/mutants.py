@@ -269,7 +269,7 @@ NAMED = (
     _named(
         "closures of a keyframe that goes stay where they were",
         "slam/thinning.py",
-        "moved = compose(from_heir, edge)",
+        "moved = compose(from_other, edge)",
         "moved = edge",
         "slam/test_thinning.py",
     ),

@@ -201,7 +201,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "(ground)": (1603, 31, 0),
     "benchmarks": (485, 23, 0),
     "cli": (2534, 15, 0),
-    "diagnostics": (1946, 58, 0),
+    "diagnostics": (1942, 57, 0),
     "editing": (445, 2, 0),
     "engines": (783, 2, 0),
     "evaluation": (828, 15, 0),

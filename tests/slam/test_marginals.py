@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from curvescan import se2
-from curvescan.slam.loops.belief import Belief
+from curvescan.slam.loops.marginals import Marginals
 from curvescan.slam.pose_graph.optimization import marginal_covariances
 from tests.slam.graphs import SIGMAS, dense_information, ladder, loop, measured_edges
 
@@ -36,6 +36,6 @@ def test_entries_that_are_zero_by_chance_do_no_harm() -> None:
 def test_the_relative_covariance_of_two_poses_joined_by_one_edge_is_that_of_the_edge() -> None:
     truth = loop(6)
     edges = measured_edges(truth, [(k, k + 1) for k in range(5)], seed=3)
-    relative, covariances = Belief.of(truth, marginal_covariances(truth, edges, np.ones(5), np.array([5])))
+    relative, covariances = Marginals.of(truth, marginal_covariances(truth, edges, np.ones(5), np.array([5])))
     assert relative[4] == pytest.approx(se2.between(truth[4], truth[5]))
     assert covariances[4] == pytest.approx(np.diag(SIGMAS**2), rel=1e-9, abs=1e-15)

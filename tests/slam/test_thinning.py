@@ -15,7 +15,7 @@ from curvescan.slam.config import PlacesConfig, SlamConfig
 from curvescan.slam.pose_graph.cholesky import Elimination
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges, marginal_covariances, optimize
-from curvescan.slam.thinning import Heir, Tie, best_tie, carry_over, pairs_alike, with_heirs
+from curvescan.slam.thinning import Removed, Tie, best_tie, carry_over, pairs_alike, with_gone
 from tests.slam.graphs import dead_reckoning, graph_of, ladder, loop, measured_edges
 
 _N = 40
@@ -95,8 +95,8 @@ def _without(graph: PoseGraph, v: int) -> UncertainPose:
     """Carry the edges of a pose over to that of the second lap, and return how the one lies to the other."""
     tie = best_tie(graph, v, np.array([v + _N // 2]))
     assert tie is not None
-    (heir, seen), _ = carry_over(graph, v, tie)
-    assert heir == v + _N // 2
+    (other, seen), _ = carry_over(graph, v, tie)
+    assert other == v + _N // 2
     return seen
 
 
@@ -107,7 +107,7 @@ def test_the_poses_that_stay_move_by_less_than_they_are_uncertain() -> None:
     for v in (3, 6, 9, 12):
         seen = _without(graph, v)
         by_heir = se2.compose(graph.poses[v + _N // 2], seen.pose)
-        # the heir's closure errs by two or three hundredths
+        # the representative's closure errs by two or three hundredths
         assert np.hypot(*(by_heir - graph.poses[v])[:2]) < 0.15
         is_kept[v] = False
     graph.keep_poses(is_kept)
@@ -143,8 +143,8 @@ def test_closures_of_a_pose_that_goes_lead_to_its_heir() -> None:
         graph.add_edge(i, j, se2.between(truth[i], truth[j]), np.diag([1e-4, 1e-4, 1e-5]), kind)
     tie = best_tie(graph, 2, np.array([5]))
     assert tie is not None
-    (heir, seen), _ = carry_over(graph, 2, tie)
-    np.testing.assert_allclose(se2.compose(truth[heir], seen.pose), truth[2], atol=1e-12)
+    (other, seen), _ = carry_over(graph, 2, tie)
+    np.testing.assert_allclose(se2.compose(truth[other], seen.pose), truth[2], atol=1e-12)
     assert not (graph.ends == 2).any()
     assert graph.ends[-3:].tolist() == [[1, 3], [5, 7], [0, 5]]
     i, j = graph.ends.T
@@ -158,5 +158,5 @@ def test_a_keyframe_that_went_by_a_false_match_lies_where_the_way_has_it() -> No
     step = Tie(0, UncertainPose(np.array([0.5, 0.0, 0.0]), way))
     right, false = (Tie(2, UncertainPose(np.array([0.02, y, 0.0]), sure)) for y in (-3.0, 0.0))
     for tie, expected in ((right, [0.52, 0.0, 0.0]), (false, [0.5, 0.0, 0.0])):
-        placed, _ = with_heirs([Heir(3, tie, step)], np.arange(3), poses, np.zeros((3, 3, 3)), sure)
+        placed, _ = with_gone([Removed(3, tie, step)], np.arange(3), poses, np.zeros((3, 3, 3)), sure)
         np.testing.assert_allclose(placed[3], expected, atol=1e-12)

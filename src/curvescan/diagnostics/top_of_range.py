@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from curvescan.io.log import Log
@@ -29,8 +28,7 @@ _TIMES = (
     4  # how much denser a ring is than what lies beside it; in 17 real logs without codes no band is twice as dense
 )
 _ONE_IN, _MIN_SCANS = 50, 50  # a ring has one reading in so many at least, in so many scans: fewer moved no drive
-_ARCS, _N_PROBED = (5, 10, 20), 2_000  # neighbouring readings that tell an arc from a line; scans that are asked
-_CHANCE = 4.0  # two standard deviations of the ratio of two variances, times the root of their degrees of freedom
+_N_ARC, _N_PROBED = (5, 20), 2_000  # neighbouring readings that tell an arc from a line; scans that are asked
 _N_SURFACE, _LOOSE_IN = 4, 3  # neighbouring readings of a surface; readings of a ring, of which one is of no surface
 
 
@@ -100,27 +98,25 @@ class TopOfRange:
 
 
 def is_of_walls(log: Log, band: tuple[float, float]) -> bool:
-    """Return whether readings of a band of ranges lie on straight lines rather than on circles about the sensor.
+    """Return whether most readings of a band of ranges lie on straight lines rather than on circles about the sensor.
 
     A robot that turns on the spot sees a wall at one distance with all of its beams. A code is no wall: to arcs of its
-    readings, short and long ones, a circle fits better than a line, or as badly.
+    readings a circle fits better than a line, and single ones are no arc.
     """
-    squares, n = np.zeros((len(_ARCS), 2)), np.zeros(len(_ARCS))  # of what circles and lines leave
+    n_inside = n_straight = 0
     for k in range(0, len(log), max(len(log) // _N_PROBED, 1)):
         scan = log[k]
-        for row, size in enumerate(_ARCS):
-            arcs = sliding_window_view(np.pad(np.where(scan.valid, scan.ranges, np.inf), (0, size)), size)
-            arcs = arcs[((arcs >= band[0]) & (arcs <= band[1])).all(axis=1)]
-            angles = scan.mean_increment * np.arange(size)
-            line = np.linalg.qr(np.column_stack((np.cos(angles), np.sin(angles))))[0]  # 1 / r = a cos + b sin
-            off = arcs**2 * (1.0 / arcs - 1.0 / arcs @ line @ line.T)
-            squares[row] += (
-                np.sum((arcs - arcs.mean(axis=1, keepdims=True)) ** 2) / (size - 1),
-                np.sum(off**2) / (size - 2),
-            )
-            n[row] += len(arcs)
-    by_circle, by_line = squares.T
-    return bool((by_circle > (1.0 + _CHANCE / np.sqrt(np.maximum(n, 1))) * by_line).any())
+        inside = scan.valid & (scan.ranges >= band[0]) & (scan.ranges <= band[1])
+        n_inside += int(np.count_nonzero(inside))
+        ends = np.flatnonzero(np.diff(np.pad(inside.astype(np.int8), 1))).reshape(-1, 2)
+        for a, b in ends[ends[:, 1] - ends[:, 0] >= _N_ARC[0]].tolist():
+            for arc in np.array_split(np.arange(a, b), -((a - b) // _N_ARC[1])):
+                ranges, n = scan.ranges[arc], len(arc)
+                around = np.column_stack((np.cos(scan.angles[arc]), np.sin(scan.angles[arc])))
+                by_line = 1.0 / (around @ np.linalg.lstsq(around, 1.0 / ranges)[0])  # 1 / r = a cos + b sin
+                of_line, of_circle = np.sum((ranges - by_line) ** 2), np.sum((ranges - ranges.mean()) ** 2)
+                n_straight += n if of_line / (n - 2) < of_circle / (n - 1) else 0
+    return 2 * n_straight > n_inside
 
 
 def _densest(counts: NDArray[np.int32], widths: tuple[int, ...], total: int) -> tuple[int, int]:

@@ -258,8 +258,8 @@ def _lies_near(one: Candidate, expected: UncertainPose, config: MotionConfig) ->
 
 def odds_against(one: Candidate, candidates: Sequence[Candidate], lead: float = 0.0) -> float:
     """Return the odds that another candidate is right, of which each must be likelier by a lead, or nothing is."""
-    rivals = sum(math.exp(other.log_odds - lead) for other in candidates if other is not one)
-    return (1.0 + rivals) * math.exp(-one.log_odds)
+    competing = sum(math.exp(other.log_odds - lead) for other in candidates if other is not one)
+    return (1.0 + competing) * math.exp(-one.log_odds)
 
 
 def _n_known(best: Candidate) -> int:

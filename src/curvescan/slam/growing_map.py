@@ -19,14 +19,14 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.config import GATE, NoiseConfig, SlamConfig
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.loops.belief import Belief, composed_covariances
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.loops.cycles import Chain, difference
+from curvescan.slam.loops.marginals import Marginals, composed_covariances
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, components
 from curvescan.slam.pose_graph.posterior import covariances_seen_from
 from curvescan.slam.pose_graph.robust import optimized
-from curvescan.slam.thinning import Heir, thin, with_heirs
+from curvescan.slam.thinning import Removed, thin, with_gone
 from curvescan.types import Bools, Cov, Ints, Pose
 
 _NEARBY = 6.0
@@ -58,15 +58,15 @@ class GrowingMap:
         self.config = config
         self.keyframes = keyframes
         self.graph = PoseGraph()
-        self.gone: list[Heir] = []  # keyframes that went, in their order
-        self.since = identity()  # the newest keyframe, seen from the last one of the belief
+        self.gone: list[Removed] = []  # keyframes that went, in their order
+        self.since = identity()  # the newest keyframe, seen from the last one of the marginals
         self.fragments: list[int] = []  # of each keyframe
         self.is_revised = False  # whether poses moved since somebody last asked
         self._session = 0
         self._open_way = 0.0  # since a match of keyframes measured all of the motion, metres
-        self.belief: Belief  # what the graph knew after the last optimization, once there is a keyframe
+        self.marginals: Marginals  # what the graph knew after the last optimization, once there is a keyframe
         self._steps: list[UncertainPose] = []  # of the graph: each keyframe seen from the one before it
-        self._chain: Chain | None = None  # see :meth:`chain`; until the poses of the belief change
+        self._chain: Chain | None = None  # see :meth:`chain`; until the poses of the marginals change
 
     def load(self, slam_map: SlamMap) -> None:
         """Take a map to continue."""
@@ -84,7 +84,7 @@ class GrowingMap:
         self._steps.append(UncertainPose(np.zeros(3), LOST_COVARIANCE.copy()))
         self.fragments.append(max(self.fragments, default=-1) + 1)
         unknown = np.concatenate((np.tile(LOST_COVARIANCE, (k, 1, 1)), np.zeros((1, 3, 3))))
-        self.belief, self._chain, self.since = Belief.of(self.graph.poses, unknown), None, identity()
+        self.marginals, self._chain, self.since = Marginals.of(self.graph.poses, unknown), None, identity()
         self._open_way = 0.0
         return k
 
@@ -128,15 +128,16 @@ class GrowingMap:
 
     def seen_from(self, rows: Ints) -> tuple[Pose, Cov]:
         """Return the newest keyframe seen from others, (m, 3) and (m, 3, 3); rows (m,) rising."""
-        known, later = np.split(rows, [np.searchsorted(rows, self.belief.n)])
-        by_belief = composed_covariances(self.belief.relative[known], self.belief.covariances[known], self.since)
-        along = np.reshape([way.covariance for way in self.along(self.belief.n)], (-1, 3, 3))[later - self.belief.n]
-        return se2.between(self.graph.poses[rows], self.graph.poses[-1]), np.concatenate((by_belief, along))
+        (relative, covariances), n = self.marginals, self.marginals.n
+        known, later = np.split(rows, [np.searchsorted(rows, n)])
+        by_marginals = composed_covariances(relative[known], covariances[known], self.since)
+        along = np.reshape([way.covariance for way in self.along(n)], (-1, 3, 3))[later - n]
+        return se2.between(self.graph.poses[rows], self.graph.poses[-1]), np.concatenate((by_marginals, along))
 
     def chain(self) -> Chain:
         """Return the keyframes; those since the last optimization lie along the odometry, as if no loop had closed."""
         if self._chain is None:
-            n = self.belief.n
+            n = self.marginals.n
             self._chain = Chain.of(self.graph.poses[:n], [step.covariance for step in self._steps[:n]])
         if new := self._steps[len(self._chain.poses) :]:
             self._chain = self._chain.extended(new)
@@ -148,11 +149,11 @@ class GrowingMap:
         if self.fragments[i] != self.fragments[j]:
             self._join(closure)
         self.graph.add_edge(i, j, closure.pose, closure.covariance, EdgeKind.CLOSURE)
-        if i >= self.belief.n or j < self.belief.n:
+        if i >= self.marginals.n or j < self.marginals.n:
             return
-        by_closure = compose(inverse(self.belief.last_seen_from(i)), UncertainPose(closure.pose, closure.covariance))
+        by_closure = compose(inverse(self.marginals.last_seen_from(i)), UncertainPose(closure.pose, closure.covariance))
         self.since, _ = fuse(self.since, compose(by_closure, self.along(j)[0]))
-        here = se2.compose(self.graph.poses[self.belief.n - 1], self.since.pose)
+        here = se2.compose(self.graph.poses[self.marginals.n - 1], self.since.pose)
         onward = se2.between(self.graph.poses[-1], self.graph.poses[j:])
         self.graph.poses[j:], self.is_revised = se2.compose(here, onward), True
 
@@ -178,26 +179,25 @@ class GrowingMap:
         self.graph.poses[:n] = solved.poses
         self.graph.poses[n:] = se2.compose(solved.poses[-1], later)
         self.graph.weights[: len(solved.weights)] = solved.weights
-        self.belief, self._chain, self.is_revised = Belief.of(solved.poses, covariances), None, True
+        self.marginals, self._chain, self.is_revised = Marginals.of(solved.poses, covariances), None, True
 
     def thin(self) -> Bools:
         """Let the oldest keyframes of places that hold too many go, and return which rows stayed."""
-        n = self.belief.n
-        is_kept, gone = thin(self.graph, np.asarray(self.fragments), n - 1, self.config.places)
+        is_kept, gone = thin(self.graph, np.asarray(self.fragments), self.marginals.n - 1, self.config.places)
         numbers = self.keyframes.numbers.tolist()
         for v, ties in gone.items():
-            self.gone.append(Heir(numbers[v], *(one._replace(to=numbers[one.to]) for one in ties)))
+            self.gone.append(Removed(numbers[v], *(one._replace(to=numbers[one.to]) for one in ties)))
         if gone:
             self.graph.keep_poses(is_kept)
             self.keyframes.keep(is_kept)
             self._steps = steps_of(self.graph)
             self.fragments = np.array(self.fragments)[is_kept].tolist()
-            self.belief, self._chain = Belief(*(known[is_kept[:n]] for known in self.belief)), None
+            self.marginals, self._chain = Marginals(*(known[is_kept[: len(known)]] for known in self.marginals)), None
         return is_kept
 
     def current_in_map(self) -> UncertainPose:
         """Return where the newest keyframe is in the map."""
-        from_first = compose(self.belief.last_seen_from(0), self.since)
+        from_first = compose(self.marginals.last_seen_from(0), self.since)
         in_map = compose(UncertainPose(self.graph.poses[0], np.zeros((3, 3))), from_first)
         return UncertainPose(self.graph.poses[-1], in_map.covariance)
 
@@ -210,7 +210,7 @@ class GrowingMap:
     def placed(self) -> tuple[Pose, Cov]:
         """Return poses and covariances of all keyframes there ever were, by number."""
         poses, spread = self.graph.poses, self.config.noise.spread
-        return with_heirs(self.gone, self.keyframes.numbers, poses, self.covariances(), spread)
+        return with_gone(self.gone, self.keyframes.numbers, poses, self.covariances(), spread)
 
     def snapshot(self) -> SlamMap:
         """Return the map as it is now."""

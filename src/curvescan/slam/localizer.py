@@ -116,7 +116,7 @@ class Localizer:
         self._views: tuple[Views, Step] | None = None  # of the search, and the step of the last one
         self._n_missed = 0  # scans in a row that should have matched the map
         self._n_lost = 0
-        self._is_torn = False  # whether a motion since then was not measured, or is in doubt
+        self._is_motion_unreliable = False  # whether a motion since then was not measured, or is in doubt
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at this scan.
@@ -132,7 +132,7 @@ class Localizer:
         self._deskewer = self._deskewer.ticked(scan.stamp, scan.scan_time)
         is_unmeasured = step.outcome in UNMEASURED
         self._n_lost = self._n_lost + 1 if is_unmeasured else 0
-        self._is_torn |= is_unmeasured
+        self._is_motion_unreliable |= is_unmeasured
         if step.outcome is StepOutcome.LOST or self._n_lost >= self.config.keyframes.n_lost:
             self._fix = None
         if self._prior is not None and not self._is_told:
@@ -152,12 +152,12 @@ class Localizer:
     def _look(self, scan: LaserScan, step: Step) -> Step:
         """Look for the sensor in the whole map."""
         before = None
-        if self._views is not None and not self._is_torn:
+        if self._views is not None and not self._is_motion_unreliable:
             views, at = self._views
             before = views, between_steps(at, step)
             if not self.config.keyframes.is_far(before[1].pose, 0.7):
                 return self._at(step, StepOutcome.SEARCHING)
-        self._is_torn = False
+        self._is_motion_unreliable = False
         similar = self._matching.similar(scan)
         views = self._search.look(scan, prior=self._prior, before=before, matched=similar)
         self._views = views, step
@@ -168,11 +168,11 @@ class Localizer:
         """Follow the sensor from where it was."""
         moved = between_steps(fix.step, step)
         expected = compose(fix.here, moved)
-        if not self.config.keyframes.is_far(moved.pose, 0.5) and not self._is_torn and self._n_missed == 0:
+        if not self.config.keyframes.is_far(moved.pose, 0.5) and not self._is_motion_unreliable and self._n_missed == 0:
             return self._at(step, StepOutcome.TRACKED, expected)
         points, field = lasting_points(scan), self._matching.field
         # after a motion in doubt no other place may agree as well
-        alone = self._search.look(scan, prior=self._prior) if self._is_torn else None
+        alone = self._search.look(scan, prior=self._prior) if self._is_motion_unreliable else None
         vague = self.config.noise.doubled(expected)
         found, is_due = self._matching.around(scan, vague, seen_from=fix.keyframe)
         hits = self._matching.settled(points, found)
@@ -182,7 +182,7 @@ class Localizer:
         prior = float(self._search.known(self._prior, now.pose[np.newaxis])[0])
         if hits and fit > 0.0 and (alone is None or alone.is_best(now.pose, view + prior)):
             return self._take(step, StepOutcome.TRACKED, now, hits, view)
-        self._n_missed += is_due or fit < 0.0 or self._is_torn
+        self._n_missed += is_due or fit < 0.0 or self._is_motion_unreliable
         if self._n_missed:
             views = alone or self._search.look(scan, prior=self._prior)
             if elsewhere := self._confirmed(scan, views.winner):
@@ -216,7 +216,7 @@ class Localizer:
         self._fix = Fix(here, step, hits[0].keyframe)
         is_expected = self._prior is not None and self._search.known(self._prior, here.pose[np.newaxis])[0] > 0.0
         self._prior = self._prior.confirmed(here, view) if self._prior and is_expected else Prior(here=here)
-        self._views, self._n_missed, self._is_torn = None, 0, False
+        self._views, self._n_missed, self._is_motion_unreliable = None, 0, False
         return self._at(step, outcome, here, self._fix.keyframe)
 
     def _at(self, step: Step, outcome: StepOutcome, here: UncertainPose = _NOWHERE, keyframe: int = -1) -> Step:

@@ -23,7 +23,7 @@ from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.agreement import best_group
 from curvescan.slam.loops.audit import N_NEAR, Contradiction, cost_of, is_refused, sets_against
 from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, is_certain, is_loop
-from curvescan.slam.loops.overlap import foretold_overlap
+from curvescan.slam.loops.overlap import predicted_overlap
 from curvescan.slam.open_direction import placed
 from curvescan.slam.pose_graph.graph import is_whole
 from curvescan.slam.pose_graph.robust import optimized
@@ -271,7 +271,7 @@ def choose_candidates(
     is_near = (distance - _SIGMAS * sigma < rules.reach) | (is_certain & (distance < _FARTHEST))
     is_near &= rows < newest - 1 - N_LINKED
     sure = np.flatnonzero(is_near & is_certain)
-    overlap = foretold_overlap(profiles, rows[sure], relative[sure], profiles[newest], rules.min_overlap)
+    overlap = predicted_overlap(profiles, rows[sure], relative[sure], profiles[newest], rules.min_overlap)
     sure, overlap = sure[overlap >= rules.min_overlap], overlap[overlap >= rules.min_overlap]
     chosen = sure[np.argsort(-overlap, kind="stable")][:_N_CERTAIN].tolist()
     if similarity is not None:

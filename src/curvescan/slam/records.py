@@ -7,7 +7,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.slam.loops.belief import composed_covariances
+from curvescan.slam.loops.marginals import composed_covariances
 from curvescan.slam.pose_graph.rows import Rows
 from curvescan.types import Cov, Floats, Ints, Pose
 

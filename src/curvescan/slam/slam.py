@@ -172,7 +172,7 @@ class Slam:
             self._adopt()
             self._search.renumber(self._map.thin())
         if self._job is None:
-            n_known = self._map.belief.n
+            n_known = self._map.marginals.n
             is_grown = self.graph.n_poses - n_known >= max(_N_LEAST, _GROWTH * n_known)
             if self._search.is_urgent or is_grown:
                 self._job, self._job_due = self._begin_job(), self._n_scans + _N_ADOPT

@@ -1,9 +1,9 @@
 """Thinning: each place keeps few keyframes, the newest: memory follows the area and not the time.
 
-A keyframe that goes leaves its heir, one of the same place, and how it lay to it and to the one before: scans that hang
-on it still move with the map. What its edges measured is carried over to those that stay. The exact marginal ties all
-neighbours to each other. Kept of it are the steps of the chain, composed, and the closures, moved to the heir. After
-Eade, Fong and Munich, "Monocular graph SLAM with complexity reduction", IROS 2010.
+A keyframe that goes leaves its representative, one of the same place, and how it lay to it and to the one before: scans
+that hang on it still move with the map. What its edges measured is carried over to those that stay. The exact marginal
+ties all neighbours to each other. Kept of it are the steps of the chain, composed, and the closures, moved to the
+representative. After Eade, Fong and Munich, "Monocular graph SLAM with complexity reduction", IROS 2010.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ class Tie(NamedTuple):
     seen: UncertainPose
 
 
-class Heir(NamedTuple):
+class Removed(NamedTuple):
     """What became of a keyframe that went, by numbers that stay."""
 
     number: int
-    tie: Tie  # to its heir, by a match
-    step: Tie  # to the one before it; to the heir where there was none
+    tie: Tie  # to its representative, by a match
+    step: Tie  # to the one before it; to the representative where there was none
 
 
-def with_heirs(gone: list[Heir], numbers: Ints, poses: Pose, covariances: Cov, spread: Cov) -> tuple[Pose, Cov]:
+def with_gone(gone: list[Removed], numbers: Ints, poses: Pose, covariances: Cov, spread: Cov) -> tuple[Pose, Cov]:
     """Return (m, 3) poses and (m, 3, 3) covariances of all keyframes there ever were, by number.
 
     gone: in the order in which they went; numbers (n,), poses (n, 3), covariances (n, 3, 3): of those that stayed;
@@ -84,7 +84,7 @@ def best_tie(graph: PoseGraph, v: int, among: Ints) -> int | None:
     """Return the closure or match that ties pose v best to one of some poses; None where there is none."""
     rows = _edges_at(graph, v)
     covariances = graph.edge_covariances[rows]
-    # by an edge that leaves a direction open no pose can hang on an heir
+    # by an edge that leaves a direction open no pose can hang on a representative
     is_tie = (graph.kinds[rows] != EdgeKind.MOTION) & graph.is_followed[rows] & is_whole(covariances)
     is_tie &= np.isin(graph.ends[rows], among).any(axis=1)
     spread = np.where(is_tie, np.trace(covariances, axis1=1, axis2=2), np.inf)
@@ -95,8 +95,8 @@ def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[Tie, Tie]:
     """Carry the edges of pose v over to those that stay, take them out; return its ties, by edge `tie` and by step."""
     rows = _edges_at(graph, v)
     seen = {row: _other_end(graph, row, v) for row in rows.tolist()}
-    heir, heir_seen = seen[tie]
-    from_heir = inverse(heir_seen)
+    other, other_seen = seen[tie]
+    from_other = inverse(other_seen)
     steps = [row for row in seen if graph.kinds[row] != EdgeKind.CLOSURE]
     before, after = ([row for row in steps if (seen[row][0] < v) is is_before] for is_before in (True, False))
     if before and after:
@@ -104,16 +104,16 @@ def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[Tie, Tie]:
         ends = [before[-1], after[0]]
         step, kind = compose(inverse(a), b), EdgeKind(max(graph.kinds[ends]))
         graph.add_edge(i, j, step.pose, step.covariance, kind, float(min(graph.weights[ends])))
-    tied = set(graph.ends[_edges_at(graph, heir)].ravel().tolist())  # and the heir itself
+    tied = set(graph.ends[_edges_at(graph, other)].ravel().tolist())  # and the representative itself
     for row, (u, edge) in seen.items():
         if graph.kinds[row] == EdgeKind.CLOSURE and graph.is_followed[row] and u not in tied:
             tied.add(u)
-            moved = compose(from_heir, edge)
-            moved = inverse(moved) if heir > u else moved
-            graph.add_edge(min(heir, u), max(heir, u), moved.pose, moved.covariance, EdgeKind.CLOSURE)
+            moved = compose(from_other, edge)
+            moved = inverse(moved) if other > u else moved
+            graph.add_edge(min(other, u), max(other, u), moved.pose, moved.covariance, EdgeKind.CLOSURE)
     graph.keep_edges(~np.isin(np.arange(len(graph.ends)), rows))
     i, edge = seen[before[-1] if before else tie]
-    return Tie(heir, from_heir), Tie(i, inverse(edge))
+    return Tie(other, from_other), Tie(i, inverse(edge))
 
 
 def _edges_at(graph: PoseGraph, v: int) -> Ints:

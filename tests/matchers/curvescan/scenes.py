@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 import curvescan as cs
-from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
+from curvescan.matchers.curvescan.assessment.confidence import ScoredPoses
 from curvescan.matchers.curvescan.assessment.evidence import N_EVIDENCE, add_evidence, gather_evidence
 from curvescan.matchers.curvescan.association import FORWARD, motion_of
 from curvescan.matchers.curvescan.config import CurvescanConfig
@@ -63,7 +63,7 @@ def pair(seed=0, motion=MOTION, **kwargs):
 def weigh(ref, cur, prior, poses, scores):
     """What speaks for poses as they are, the best first."""
     evidence, _ = gather_evidence(ref, cur, poses, CurvescanConfig().scoring.margin)
-    return WeighedPoses(poses, np.array(scores), evidence, *log_odds(poses, prior)).best_first()
+    return ScoredPoses(poses, np.array(scores), evidence, *log_odds(poses, prior)).best_first()
 
 
 def no_objects(n):

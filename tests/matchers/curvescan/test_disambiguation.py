@@ -150,12 +150,12 @@ def in_box(size, motion, guess=None, **evidence):
     ref, cur = (extract_features(box_scan(pose, size), CONFIG) for pose in (start, end))
     prior = WIDE if guess is None else Prior.of(prior_of(None, guess))
     poses = np.array([motion], dtype=np.float64)
-    weighed = weigh(ref, cur, prior, poses, [0.8])
+    scored = weigh(ref, cur, prior, poses, [0.8])
     columns = {"beyond": BEYOND, "small": SMALL}
     for name, value in evidence.items():
-        weighed = replace(weighed, evidence=weighed.evidence.copy())
-        weighed.evidence[0, columns[name]] = value
-    return is_in_box(ref, cur, weighed, assess_pose(ref, cur, poses[0], CONFIG))
+        scored = replace(scored, evidence=scored.evidence.copy())
+        scored.evidence[0, columns[name]] = value
+    return is_in_box(ref, cur, scored, assess_pose(ref, cur, poses[0], CONFIG))
 
 
 TURN = (0.1, -0.1, 0.5)

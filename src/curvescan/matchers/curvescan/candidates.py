@@ -13,7 +13,7 @@ import numpy as np
 from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess, assess_pose, limits_of
-from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, is_hopeless
+from curvescan.matchers.curvescan.assessment.confidence import ScoredPoses, is_hopeless
 from curvescan.matchers.curvescan.assessment.evidence import gather_evidence
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import SAME
@@ -32,7 +32,7 @@ _MAX_TURN = 0.5  # radians: turns along it are tried up to this angle
 _FINISH = (*FINE, _N_TOP, 4096, SAME, N_WIDE)
 
 
-def refine_candidates(problem: Problem, found: Candidates) -> tuple[WeighedPoses, Assessment | None]:
+def refine_candidates(problem: Problem, found: Candidates) -> tuple[ScoredPoses, Assessment | None]:
     """Return the candidates that come near the best, refined on all readings, and what the scans say of the first.
 
     Where that is known badly along a direction, runs along walls, or looks the same elsewhere, with what is found
@@ -40,20 +40,20 @@ def refine_candidates(problem: Problem, found: Candidates) -> tuple[WeighedPoses
     """
     ref = problem.reference
     contested = found.scores > CONTESTED * found.scores[:1]
-    weighed, assessment = look_closer(problem, found.poses[contested])
-    if assessment is not None and (assessment.is_weakly_observable(problem.config) or weighed.is_along_walls):
-        weighed, assessment = look_closer(problem, with_places_along(problem, weighed.poses, assessment.weakest))
-    images = [] if assessment is None else images_of(ref, assessment, weighed)
+    scored, assessment = look_closer(problem, found.poses[contested])
+    if assessment is not None and (assessment.is_weakly_observable(problem.config) or scored.is_along_walls):
+        scored, assessment = look_closer(problem, with_places_along(problem, scored.poses, assessment.weakest))
+    images = [] if assessment is None else images_of(ref, assessment, scored)
     if images:
-        weighed, assessment = look_closer(problem, np.array([*weighed.poses, *images]))
-    return weighed, assessment
+        scored, assessment = look_closer(problem, np.array([*scored.poses, *images]))
+    return scored, assessment
 
 
-def images_of(ref: CurvescanFeatures, assessment: Assessment, weighed: WeighedPoses) -> list[Pose]:
+def images_of(ref: CurvescanFeatures, assessment: Assessment, scored: ScoredPoses) -> list[Pose]:
     """Return poses that look as the best one: turned in a bare room, one thing on in a row of equal ones."""
-    best = weighed.poses[0]
-    images = [2.0 * best - weighed.poses[k] for k in weighed.repeated_along()]
-    if weighed.is_bare and (is_agreeing := assessment.codes_ref == INLIER).any():
+    best = scored.poses[0]
+    images = [2.0 * best - scored.poses[k] for k in scored.repeated_along()]
+    if scored.is_bare and (is_agreeing := assessment.codes_ref == INLIER).any():
         # about the middle of the rectangle that agrees
         axis = ref.landmarks.axis
         to_room = np.array([[math.cos(axis), -math.sin(axis)], [math.sin(axis), math.cos(axis)]])
@@ -74,19 +74,19 @@ def with_places_along(problem: Problem, poses: Floats, weakest: Pose) -> Floats:
     return np.concatenate((poses, select(moved_along, ref.wide_image, cur.wide_image, *CLOSE, 4, 24, SAME)[0]))
 
 
-def look_closer(problem: Problem, poses: Floats) -> tuple[WeighedPoses, Assessment | None]:
+def look_closer(problem: Problem, poses: Floats) -> tuple[ScoredPoses, Assessment | None]:
     """Return poses refined on all readings, the best first, and what the scans say of it; None where that is little."""
     ref, cur, prior, config, effort = problem
-    *found, known = refine_and_weigh(poses, ref, cur, prior, (effort.closer, EXACTLY), limits_of(config), _FINISH)
-    weighed = WeighedPoses(*found)
-    best = weighed.best_first()
+    *found, known = refine_and_score(poses, ref, cur, prior, (effort.closer, EXACTLY), limits_of(config), _FINISH)
+    scored = ScoredPoses(*found)
+    best = scored.best_first()
     if not len(known.codes_ref):
         return best, None
-    return best, known if best is weighed else assess_pose(ref, cur, best.poses[0], config)
+    return best, known if best is scored else assess_pose(ref, cur, best.poses[0], config)
 
 
 @kernel
-def refine_and_weigh(
+def refine_and_score(
     poses: Floats,
     ref: CurvescanFeatures,
     cur: CurvescanFeatures,
@@ -95,7 +95,7 @@ def refine_and_weigh(
     rules: tuple[float, float],
     limits: tuple[float, float, int, int, float, int],
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, Assessment]:
-    """Return the fields of WeighedPoses, of poses refined on all readings, and the assessment of the first.
+    """Return the fields of ScoredPoses, of poses refined on all readings, and the assessment of the first.
 
     That has no codes where no pose finds enough support. schedules: on the samples and on all readings; rules: of
     `limits_of`; limits: the arguments of `select`, and the samples on which several poses are compared.

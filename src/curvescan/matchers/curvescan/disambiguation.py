@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from curvescan.matchers.curvescan.assessment.assessment import DOUBLED, AssessedPose, Assessment, Known, assess_pose
-from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
+from curvescan.matchers.curvescan.assessment.confidence import ScoredPoses
 from curvescan.matchers.curvescan.assessment.evidence import extent
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference
@@ -43,7 +43,7 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> tuple[Outcome, flo
     is_alone = set(support.repeated) <= set(assessed.ties)
     if is_alone and accept < least and 1.0 - unsupported < least:
         return Outcome.UNSUPPORTED, 0.0
-    is_turned = assessed.weighed.may_be_turned or is_in_box(ref, cur, assessed.weighed, assessment)
+    is_turned = assessed.scored.may_be_turned or is_in_box(ref, cur, assessed.scored, assessment)
     if not is_alone or accept < least or is_turned:
         return Outcome.AMBIGUOUS, 0.0
     return Outcome.MATCHED, 1.0 / (1.0 / accept + unseen_odds(assessed, assessment))
@@ -51,25 +51,25 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> tuple[Outcome, flo
 
 def unseen_odds(assessed: AssessedPose, assessment: Assessment) -> float:
     """Return the odds of what the scans cannot show: half a turn in a corridor or a bare room, and what kept pace."""
-    weighed, is_open = assessed.weighed, assessed.is_degenerate[0]
-    is_same_turned = (is_open or weighed.is_bare or weighed.is_along_walls) and not weighed.is_told(0)
+    scored, is_open = assessed.scored, assessed.is_degenerate[0]
+    is_same_turned = (is_open or scored.is_bare or scored.is_along_walls) and not scored.is_told(0)
     return _UNSEEN * sum((is_same_turned, assessment.may_keep_pace and not is_open))
 
 
-def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPoses, assessment: Assessment) -> bool:
+def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, scored: ScoredPoses, assessment: Assessment) -> bool:
     """Return whether the first pose may be turned by a quarter in a place as small as the cabin of an elevator.
 
     Of half a circle two walls are in sight, which fit any corner; what the door shows may be another floor.
     """
     views = (ref, assessment.codes_ref), (cur, assessment.codes_cur)
-    return weighed.is_bare_and_moved and max(extent(view.image.surfels, codes) for view, codes in views) < _BOX
+    return scored.is_bare_and_moved and max(extent(view.image.surfels, codes) for view, codes in views) < _BOX
 
 
 def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> tuple[Pose, Assessment, Known]:
     """Return the pose, moved along a direction that is open to where a prior has it; what the scans say there."""
     prior, config = problem.prior, problem.config
     ties, is_degenerate = assessed.ties, assessed.is_degenerate
-    poses, pose = assessed.weighed.poses, assessed.weighed.poses[0]
+    poses, pose = assessed.scored.poses, assessed.scored.poses[0]
     information, cov = assessed.known
     if assessed.is_flat and prior.is_told:
         pose, assessment = move_to_guess(problem, pose, assessment)
@@ -93,15 +93,15 @@ def competing_poses(problem: Problem, assessed: AssessedPose, placed: Assessment
     if support is None or first is None:
         return ()
     sigma = sigma_along(problem, assessed, first, (placed or first).weakest) if assessed.is_degenerate[0] else None
-    poses, known, config = assessed.weighed.poses, assessed.known, problem.config
+    poses, known, config = assessed.scored.poses, assessed.known, problem.config
     if sigma is not None:
         sure = first._replace(information=(sigma**-2, *first.information[1:]))
         known = sure.matrices((False, False, False), config)
     candidates, found, is_open, log_odds = [], first, assessed.is_degenerate, support.log_odds
-    for row in [0, *sorted(support.rivals, key=lambda row: -support.rivals[row])]:
+    for row in [0, *sorted(support.competing, key=lambda row: -support.competing[row])]:
         if row:
             found = assess_pose(problem.reference, problem.current, poses[row], config)
-            is_open, log_odds = found.is_open, support.log_odds + support.rivals[row]
+            is_open, log_odds = found.is_open, support.log_odds + support.competing[row]
             known = found.matrices(is_open, config)
         one = Candidate(
             pose=poses[row],
@@ -126,7 +126,7 @@ def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, dir
     if problem.prior.is_told and (assessed.ties or first.is_open[0]):
         return None
     way = 2.0 * DOUBLED[-1] * rules.max_sigma * direction
-    lost = agreement_lost(assessed.weighed.poses[0], way, *images, *FINE)
+    lost = agreement_lost(assessed.scored.poses[0], way, *images, *FINE)
     return rules.max_sigma if lost > 0.5 * rules.degenerate_ratio else None
 
 

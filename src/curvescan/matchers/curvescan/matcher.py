@@ -81,7 +81,7 @@ def judged(problem: Problem, candidates: Candidates) -> MatchResult:
         pose, assessment, (information, cov) = place(problem, assessed, assessment)
     codes = (assessment.codes_ref, assessment.codes_cur) if assessment else (_NO_CODES, _NO_CODES)
     labels = [beam_labels(one.n_beams, one.beam_idx, said) for one, said in zip((ref, cur), codes, strict=True)]
-    scores: list[float] = assessed.weighed.scores.tolist() or [math.nan]
+    scores: list[float] = assessed.scored.scores.tolist() or [math.nan]
     return MatchResult(
         method="curvescan",
         outcome=outcome,

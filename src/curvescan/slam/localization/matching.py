@@ -22,7 +22,7 @@ from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import STEP_M, STEP_RAD
 from curvescan.slam.localization.field import DistanceField, lasting_points
 from curvescan.slam.loops.closures import MOST_ODDS, is_certain
-from curvescan.slam.loops.overlap import foretold_overlap, range_profile
+from curvescan.slam.loops.overlap import predicted_overlap, range_profile
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Points
 
@@ -30,7 +30,7 @@ _REACH_M = 8.0
 """Keyframes farther away are not matched, metres; one half as far comes behind a near one that shares half as much."""
 
 _LEAST_OVERLAP = 0.15
-"""Nor those that share less of what they see, foretold from where they are."""
+"""Nor those that share less of what they see, predicted from where they are."""
 
 SCORE = 0.25
 """What the score of a sure match counts for beside the share of readings that the map agrees with."""
@@ -75,7 +75,7 @@ class MapMatcher:
         poses = self._map.poses
         near = np.flatnonzero(np.hypot(*(poses[:, :2] - expected.pose[:2]).T) < _REACH_M)
         relative = se2.between(poses[near], expected.pose)
-        overlap = foretold_overlap(self._keyframes.profiles.array, near, relative, range_profile(scan), 0.0)
+        overlap = predicted_overlap(self._keyframes.profiles.array, near, relative, range_profile(scan), 0.0)
         apart = np.hypot(relative[:, 0], relative[:, 1])
         order = np.argsort(-overlap / (1.0 + apart / (0.5 * _REACH_M)), kind="stable")[: 2 * _N_FUSED]
         order = order[overlap[order] >= _LEAST_OVERLAP]

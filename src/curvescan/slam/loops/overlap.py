@@ -1,4 +1,4 @@
-"""Overlap: how much of what one keyframe sees another sees too, foretold from coarse range profiles.
+"""Overlap: how much of what one keyframe sees another sees too, predicted from coarse range profiles.
 
 Matching two scans that have nothing in common is what costs most. A profile holds the mean range of each sector; its
 ends, carried to the other keyframe, are seen there if they lie in its field of view and not behind what it sees.
@@ -34,7 +34,7 @@ def range_profile(scan: LaserScan) -> Floats:
 
 
 @kernel
-def foretold_overlap(profiles: Floats, rows: Ints, relative: Pose, newest: Floats, least: float) -> Floats:
+def predicted_overlap(profiles: Floats, rows: Ints, relative: Pose, newest: Floats, least: float) -> Floats:
     """Return (k,) the smaller share of what two see, the newest at (k, 3) and each keyframe; below `least` either."""
     shares = np.empty(len(rows))
     for n in range(len(rows)):

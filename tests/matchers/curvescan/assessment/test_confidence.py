@@ -11,8 +11,8 @@ import curvescan as cs
 from curvescan.matchers.curvescan.assessment.confidence import (
     COEFFICIENTS,
     MAX_REPETITION,
+    ScoredPoses,
     Support,
-    WeighedPoses,
     is_hopeless,
     support_of,
     terms_of,
@@ -44,7 +44,7 @@ def poses(*evidences, priors=None):
         for column, value in evidence.items():
             row[column] = value
     n = len(evidences)
-    return WeighedPoses(
+    return ScoredPoses(
         poses=np.arange(3.0 * n).reshape(n, 3),
         scores=np.full(n, 0.5),
         evidence=rows,
@@ -53,9 +53,9 @@ def poses(*evidences, priors=None):
     )
 
 
-def terms(weighed):
+def terms(scored):
     """What the model weighs of the first pose, by the names of its coefficients."""
-    return dict(zip(COEFFICIENTS, terms_of(weighed.evidence, weighed.priors, weighed.wide_priors)[0], strict=True))
+    return dict(zip(COEFFICIENTS, terms_of(scored.evidence, scored.priors, scored.wide_priors)[0], strict=True))
 
 
 def test_what_is_weighed_is_that_of_the_slow_twin():
@@ -200,8 +200,8 @@ def test_a_bare_room_may_be_turned_where_the_motion_is_large_or_a_wall_contradic
 
 
 def hopeless(*evidences):
-    weighed = poses(*evidences)
-    return is_hopeless(weighed.evidence, weighed.priors, weighed.wide_priors)
+    scored = poses(*evidences)
+    return is_hopeless(scored.evidence, scored.priors, scored.wide_priors)
 
 
 def test_a_pair_is_hopeless_where_no_pose_comes_near():
@@ -237,14 +237,14 @@ def test_a_room_with_pillars_is_explained_by_its_pose_alone():
 def test_the_prior_weighs_by_its_covariance():
     ref, cur = pair()
 
-    def weighed(off, scale):
+    def scored(off, scale):
         prior = Prior.of(prior_of(None, MOTION + off)._replace(covariance=scale * prior_of(None, MOTION).covariance))
         return weigh(ref, cur, prior, MOTION[np.newaxis], [0.9])
 
-    near = [weighed(0.0, scale) for scale in (0.1, 1.0, 10.0)]
+    near = [scored(0.0, scale) for scale in (0.1, 1.0, 10.0)]
     assert near[0].log_odds(0) > near[1].log_odds(0) > near[2].log_odds(0)
     assert near[1].is_told(0)
-    far = [weighed(1.0, scale) for scale in (0.1, 1.0, 10.0)]
+    far = [scored(1.0, scale) for scale in (0.1, 1.0, 10.0)]
     assert far[0].log_odds(0) <= far[1].log_odds(0) < far[2].log_odds(0)
     assert not far[1].is_told(0)
 
@@ -262,7 +262,7 @@ def test_a_result_tells_how_sure_it_is():
 
 def regular_rows(poses, shares):
     n = len(poses)
-    return rows_of(WeighedPoses(poses, np.zeros(n), np.zeros((n, N_EVIDENCE)), np.zeros(n), np.zeros(n)), shares)
+    return rows_of(ScoredPoses(poses, np.zeros(n), np.zeros((n, N_EVIDENCE)), np.zeros(n), np.zeros(n)), shares)
 
 
 def test_two_poses_to_either_side_make_a_row_of_equal_things():

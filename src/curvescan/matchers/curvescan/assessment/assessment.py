@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.assessment.confidence import Support, WeighedPoses, support_of
+from curvescan.matchers.curvescan.assessment.confidence import ScoredPoses, Support, support_of
 from curvescan.matchers.curvescan.assessment.evidence import Compared, gather_evidence
 from curvescan.matchers.curvescan.assessment.information import Open, Row, matrices, pose_information
 from curvescan.matchers.curvescan.assessment.labels import MOVED, mark_moved
@@ -73,7 +73,7 @@ class Assessment(NamedTuple):
 class AssessedPose(NamedTuple):
     """The best candidate without what moved, and what the scans say of it."""
 
-    weighed: WeighedPoses  # it, and the other candidates
+    scored: ScoredPoses  # it, and the other candidates
     is_degenerate: Open  # which principal directions of the information the scans leave open, the least informed first
     # rows of the candidates that may be right as well and differ by a motion along the least informed direction
     ties: list[int]
@@ -142,30 +142,30 @@ def without_dynamic(
     return np.concatenate((pose, poses[1:])), assess_pose(ref, cur, pose[0], config)
 
 
-def assess_best(problem: Problem, weighed: WeighedPoses, assessment: Assessment | None) -> AssessedPose:
+def assess_best(problem: Problem, scored: ScoredPoses, assessment: Assessment | None) -> AssessedPose:
     """Return the best candidate refined without what moved, the directions left open there, and what supports it."""
     ref, cur, _, config, _ = problem
     if assessment is not None and assessment.n_dynamic:
-        poses, assessment = without_dynamic(ref, cur, weighed.poses, assessment, config)
-        weighed = replace(weighed, poses=poses)
+        poses, assessment = without_dynamic(ref, cur, scored.poses, assessment, config)
+        scored = replace(scored, poses=poses)
     if assessment is None or not assessment.is_enough(config):
-        return AssessedPose(weighed=weighed, is_degenerate=(True, True, True), ties=[])
-    poses = weighed.poses
+        return AssessedPose(scored=scored, is_degenerate=(True, True, True), ties=[])
+    poses = scored.poses
     is_open, second, third = degenerate_directions(ref, cur, poses[0], assessment, config)
     if is_open:
         # where the scans leave a direction open, the prior decides along it: it is not held against the pose
         slid = problem.prior.nearest_along(poses[0], assessment.weakest, config.hypotheses.along_reach)
         priors, wide_priors = log_odds(np.vstack((slid, poses[1:])), problem.prior)
-        weighed = replace(weighed, priors=priors, wide_priors=wide_priors)
-    along = along_weakest_direction(poses, assessment, is_open or weighed.is_along_walls, config)
-    least = assessment.as_good(config) * weighed.scores[0]
-    is_flat = is_open or (assessment.is_weakly_observable(config) and any(weighed.scores[k] > least for k in along))
+        scored = replace(scored, priors=priors, wide_priors=wide_priors)
+    along = along_weakest_direction(poses, assessment, is_open or scored.is_along_walls, config)
+    least = assessment.as_good(config) * scored.scores[0]
+    is_flat = is_open or (assessment.is_weakly_observable(config) and any(scored.scores[k] > least for k in along))
     others = [k for k in range(1, len(poses)) if distance(poses[k], poses[0]) > NEAR and not (is_flat and k in along)]
-    support = support_of(weighed, others)
-    ties = [k for k in along if weighed.scores[k] > least] if is_flat else ties_of(support, along, config)
+    support = support_of(scored, others)
+    ties = [k for k in along if scored.scores[k] > least] if is_flat else ties_of(support, along, config)
     is_degenerate = is_flat or len(ties) > 0, second, third
     return AssessedPose(
-        weighed=weighed,
+        scored=scored,
         assessment=assessment,
         is_degenerate=is_degenerate,
         is_flat=is_flat,
@@ -189,5 +189,5 @@ def ties_of(support: Support, along: list[int], config: CurvescanConfig) -> list
         return []
     ties = [k for k in support.repeated if k in along]
     if support.probabilities(ties)[0] < config.scoring.min_confidence:
-        ties = [k for k in along if k in support.rivals]
+        ties = [k for k in along if k in support.competing]
     return ties

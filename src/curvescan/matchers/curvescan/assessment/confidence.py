@@ -64,14 +64,14 @@ _LITTLE = 0.5  # metres: so much more explains nothing
 _BARE_PRIOR = -0.25  # log odds of the prior below which a bare room may be turned by half: 1 m and 57 degrees
 _STILL = -0.015  # log odds of the prior from which on it speaks for the pose there: 0.35 m, 20 degrees
 _DOUBTFUL = 0.1  # of what agrees: a pose of which more is contradicted is in doubt
-_CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
+_CONTRADICTED = 0.15  # of what agrees there: a competing pose contradicted beyond that explains nothing
 _HOPELESS = -2.0  # log odds: of 13,571 pairs none that is turned away so would match
 _MAX_LOG_ODDS = 60  # beyond it a probability is 0 or 1
 _ONE_WAY = 0.12  # of what agrees: less of it runs across the rest in a corridor
 
 
 @dataclass(frozen=True, eq=False)
-class WeighedPoses:
+class ScoredPoses:
     """Poses of one match and what speaks for each, the most likely first."""
 
     poses: Floats  # (k, 3): of the current scan in the reference
@@ -80,22 +80,22 @@ class WeighedPoses:
     priors: Floats  # (k,): log odds of each by what was known before
     wide_priors: Floats  # (k,): the same if that was wrong
 
-    def best_first(self) -> WeighedPoses:
+    def best_first(self) -> ScoredPoses:
         """Return the poses in order, the best first; of those that the scans do not distinguish the likeliest."""
         n = len(self.poses)
         if n < 2:
             return self
-        weighed = self.rows(sorted(range(n), key=lambda k: -self.rank(k)))
-        alike = [0, *(k for k in range(1, n) if weighed.repetition(k) > MAX_REPETITION)]
-        best = max(alike, key=weighed.log_odds)
-        return weighed.rows([best, *(k for k in range(n) if k != best)])
+        scored = self.rows(sorted(range(n), key=lambda k: -self.rank(k)))
+        alike = [0, *(k for k in range(1, n) if scored.repetition(k) > MAX_REPETITION)]
+        best = max(alike, key=scored.log_odds)
+        return scored.rows([best, *(k for k in range(n) if k != best)])
 
-    def rows(self, order: list[int]) -> WeighedPoses:
+    def rows(self, order: list[int]) -> ScoredPoses:
         """Return the poses in another order."""
         if order == sorted(order):
             return self
         poses, scores, evidence = self.poses[order], self.scores[order], self.evidence[order]
-        return WeighedPoses(poses, scores, evidence, self.priors[order], self.wide_priors[order])
+        return ScoredPoses(poses, scores, evidence, self.priors[order], self.wide_priors[order])
 
     @cached_property
     def _rows(self) -> list[list[float]]:
@@ -122,8 +122,8 @@ class WeighedPoses:
         """Return by how much more the prior weighs in the log odds of pose k than in those of the first."""
         return self._odds[k][1] - self._odds[0][1]
 
-    def rival_log_odds(self, k: int) -> float:
-        """Return the log odds that pose k is right and not the first; to be expected more alone makes no rival."""
+    def competing_log_odds(self, k: int) -> float:
+        """Return the log odds that pose k is right and not the first; to be expected more alone counts not."""
         return self.log_odds(k) - self.log_odds(0) - max(self.expected_more(k), 0.0)
 
     def is_told(self, k: int) -> bool:
@@ -203,7 +203,7 @@ class WeighedPoses:
         return float(share)
 
     def fading(self, k: int) -> float:
-        """Return the share that is left of a rival by how much less the prior has it than the first."""
+        """Return the share that is left of a competing pose by how much less the prior has it than the first."""
         return math.exp(min(_PRIOR_OF_TWO * self.expected_more(k), 0.0))
 
 
@@ -211,7 +211,7 @@ class Support(NamedTuple):
     """What speaks for the first of some poses and against it."""
 
     log_odds: float  # that it is right and the scans have not nothing in common
-    rivals: dict[int, float]  # log odds that another pose is right instead, by its row
+    competing: dict[int, float]  # log odds that another pose is right instead, by its row
     # rows that cannot be distinguished from the first: they explain what supports it, or lie to either side of it at
     # one distance and each explain some: shelves in a row, of which it lays those of one scan on the next of the other
     repeated: list[int]
@@ -222,34 +222,34 @@ class Support(NamedTuple):
 
         The `accepted` rows are held by the covariance of the first pose.
         """
-        odds = {row: math.exp(min(value, _MAX_LOG_ODDS)) for row, value in self.rivals.items()}
+        odds = {row: math.exp(min(value, _MAX_LOG_ODDS)) for row, value in self.competing.items()}
         nothing = math.exp(min(-self.log_odds, _MAX_LOG_ODDS))
         right = 1.0 + sum(odds[row] for row in accepted if row in odds)
         total = 1.0 + sum(odds.values()) + nothing
         return right / total, nothing / total
 
 
-def support_of(weighed: WeighedPoses, others: Sequence[int]) -> Support:
+def support_of(scored: ScoredPoses, others: Sequence[int]) -> Support:
     """Return what speaks for the first of some poses."""
-    shares = {k: weighed.repetition(k) for k in others}
-    repetitions = {k: share * weighed.fading(k) for k, share in shares.items()}
-    regular = regular_rows(weighed, repetitions)
+    shares = {k: scored.repetition(k) for k in others}
+    repetitions = {k: share * scored.fading(k) for k, share in shares.items()}
+    regular = regular_rows(scored, repetitions)
     return Support(
-        log_odds=weighed.log_odds(0),
-        rivals={k: weighed.rival_log_odds(k) for k in others},
+        log_odds=scored.log_odds(0),
+        competing={k: scored.competing_log_odds(k) for k in others},
         repeated=[k for k, share in repetitions.items() if share > MAX_REPETITION or k in regular],
         is_by_prior=any(share > MAX_REPETITION >= repetitions[k] for k, share in shares.items()),
     )
 
 
-def regular_rows(weighed: WeighedPoses, repetitions: dict[int, float]) -> tuple[int, ...]:
+def regular_rows(scored: ScoredPoses, repetitions: dict[int, float]) -> tuple[int, ...]:
     """Return the rows of poses that come in pairs, as far from the first to one side as to the other, turned as it is.
 
     `repetitions` has the rows to look at and the share of the first's support that each explains.
     """
-    rows = [k for k, share in repetitions.items() if share > REGULAR and weighed.is_beside(k)]
+    rows = [k for k, share in repetitions.items() if share > REGULAR and scored.is_beside(k)]
     sums = {
-        (i, j): weighed.poses[i] + weighed.poses[j] - 2.0 * weighed.poses[0] for i, j in itertools.combinations(rows, 2)
+        (i, j): scored.poses[i] + scored.poses[j] - 2.0 * scored.poses[0] for i, j in itertools.combinations(rows, 2)
     }
     return tuple(row for pair, (x, y, _) in sums.items() if math.hypot(x, y) < NEAR for row in pair)
 

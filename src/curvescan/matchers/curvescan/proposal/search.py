@@ -134,7 +134,7 @@ def search(
 def is_found(poses: Floats, scores: Floats, turned: Floats, doubtful_score: float) -> bool:
     """Return whether the best pose finds support, and has the turn of one of (h, 3) `turned`.
 
-    Of one that was refined to another turn the rivals were not tried.
+    Of one that was refined to another turn competing poses were not tried.
     """
     nearest = math.pi
     for h in range(turned.shape[0] if scores.size > 0 and scores[0] > doubtful_score else 0):

@@ -16,14 +16,14 @@ from curvescan.slam.pose_graph.posterior import affines, carried
 from curvescan.types import Cov, Pose
 
 
-class Belief(NamedTuple):
+class Marginals(NamedTuple):
     """The last of the n keyframes of an optimization as each saw it."""
 
     relative: Pose  # (n, 3)
     covariances: Cov  # (n, 3, 3)
 
     @classmethod
-    def of(cls, poses: Pose, covariances: Cov) -> Belief:
+    def of(cls, poses: Pose, covariances: Cov) -> Marginals:
         """Return what is known of the last keyframe by (n, 3) poses and (n, 3, 3) covariances, its own zero."""
         relative = se2.between(poses, poses[-1])
         # by the pose that sees: d/dx_i of R_i^T (t_k - t_i)
