@@ -17,6 +17,7 @@ MOST_DECEIVED = {
     "turned away, doors": 7,
     "small room": 2,
     "pillars, 180 deg": 2,
+    "pillars, 360 deg": 2,  # 27 of 1,050 of other seeds, before circles began at their longest surface and since
     "shelves": 1,
     "elevator, 180 deg": 1,
 }
