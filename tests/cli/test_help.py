@@ -83,6 +83,7 @@ def test_the_occupancy_map_is_configured_from_a_file_too(tmp_path, capsys):
         ("try range_max=8.1", "try --range-max 8.1"),
         ("try ignore_beams=(2, 3)", "try --ignore-beams 2 3"),
         ("try upside_down=False", "try --upright"),
+        ("SLAM with map= continues it", "`curvescan slam --map` continues it"),
         ("range_max must be positive, got 0", "range_max must be positive, got 0"),
     ],
 )

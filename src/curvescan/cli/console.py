@@ -166,6 +166,7 @@ _WORDS = {
     "join them with Rig.of_bag": "join them with --rig",
     "read it with read_relations": "give it as --relations",
     "a smaller range_max": "a smaller --range-max",
+    "SLAM with map= continues it": "`curvescan slam --map` continues it",
     "the resolution of OccupancyConfig": "--map.resolution",
 }
 

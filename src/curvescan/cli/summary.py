@@ -32,7 +32,7 @@ def report(run: Run, out: Path) -> int:
     if isinstance(engine, Localizer) and run.first_fix is not None:
         OUT.print(f"first found in {engine.map!r} at scan {run.first_fix:,}")
     for remark in (*(issue.what for issue in run.issues if issue.kind == "read_error"), *run.left_out):
-        ERR.print(remark)
+        ERR.print(with_flags(remark), soft_wrap=True)
     OUT.print(f"wrote {out}/{', '.join(run.files)}")
     for proposal in propose_commands(["curvescan", *sys.argv[1:]], run.issues):
         ERR.print(proposal, soft_wrap=True)
