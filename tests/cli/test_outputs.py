@@ -167,3 +167,13 @@ def test_a_reader_that_goes_away_is_no_error(log):
     command = f"{sys.executable} -m curvescan info {log} | true; exit ${{PIPESTATUS[0]}}"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_what_cannot_be_printed_is_one_sentence(log):
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "curvescan", "info", str(log)]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith("curvescan: cannot print: No space left on device; make room")
+    assert "Traceback" not in done.stderr

@@ -97,7 +97,9 @@ def _run(arguments: list[str]) -> int:
         # the reader of our output (head, less) has gone: nobody is left to read it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
-    except OSError as error:  # of standard output: all else is told by where it happens
+    except OSError as error:
+        if error.filename is not None:  # not of standard output
+            raise
         print(f"curvescan: cannot print: {error.strerror or error}; make room, or print elsewhere", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BAD_INPUT

@@ -269,7 +269,7 @@ def choose_candidates(
     distance = np.hypot(relative[:, 0], relative[:, 1])
     is_certain = sigma < rules.certain_m
     is_near = (distance - _SIGMAS * sigma < rules.reach) | (is_certain & (distance < _FARTHEST))
-    is_near &= rows < newest - 1 - N_LINKED
+    is_near &= rows < newest - 1 - N_LINKED  # nor the one before those, which sees what they do
     sure = np.flatnonzero(is_near & is_certain)
     overlap = predicted_overlap(profiles, rows[sure], relative[sure], profiles[newest], rules.min_overlap)
     sure, overlap = sure[overlap >= rules.min_overlap], overlap[overlap >= rules.min_overlap]
