@@ -85,6 +85,8 @@ def test_what_the_map_does_not_have_is_refused(edit, message):
     [
         {"do": "burn", "i": 1, "j": 2},
         {"do": "drop", "i": "one", "j": 2},
+        {"do": "drop", "i": 1.9, "j": 2},
+        {"do": "drop", "i": float("inf"), "j": 2},
         {"do": "drop"},
         {"do": "add", "i": 1, "j": 2},
         {"do": "add", "i": 1, "j": 2, "pose": [0, 0], "covariance": [1] * 9},

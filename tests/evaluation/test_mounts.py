@@ -59,6 +59,7 @@ def test_motions_are_cut_into_the_same_pieces_for_sensors_of_other_rates():
         (np.zeros((9, 3)), np.zeros((8, 3)), "two arrays of shape"),
         (np.ones((3, 3)), np.ones((3, 3)), "needs 8 motions"),
         (np.tile([1.0, 0.0, 0.0], (20, 1)), np.tile([1.0, 0.0, 0.0], (20, 1)), "round bends"),
+        (np.tile([0.0, 0.0, 0.3], (20, 1)), np.tile([0.0, 0.0, 0.3], (20, 1)), "6.00 rad and 0.00 m: drive farther"),
     ],
 )
 def test_too_little_to_tell_is_said(a, b, sentence):

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from curvescan import InvalidArgumentError, Odometry, Slam, SourceError, read_log, run, simulate
+from curvescan import InvalidArgumentError, LaserScan, Odometry, Slam, SourceError, read_log, run, simulate
 from curvescan.diagnostics.preparation import prepare_log
 from curvescan.diagnostics.verdict import judge
 from curvescan.engines import run_engine
@@ -260,6 +260,60 @@ def test_memory_follows_the_area_and_not_the_time(log):
     assert len(live_map.kept()) == n_kept
     assert [index for index, _ in live_map.kept()] == sorted(i for i, _ in live_map.kept())
     assert np.median([index for index, _ in live_map.kept()]) >= 19 * len(log)
+
+
+def test_what_came_after_revised_poses_stays_on_the_map(log):
+    """A redraw may be put off: scans that came meanwhile, and the path there, are not lost with it."""
+    tracker, live_map = Tracker(Odometry()), LiveMap(is_revisable=True)
+    for scan in log:
+        live_map.add(tracker.add(scan))
+    kept, path = [index for index, _ in live_map.kept()], live_map.path()
+    late = [index for index in kept if index >= 30]
+    assert late
+    shift = np.array([1.0, 0.0, 0.0])
+    live_map.revise(np.array([step.pose for step in run(log, "odometry").steps[:30]]) + shift)
+    live_map.redraw()
+    assert set(late) <= {index for index, _ in live_map.kept()}
+    moved = live_map.path() - path
+    assert moved[0] == pytest.approx([1.0, 0.0], abs=1e-9)
+    assert moved[-1] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+def test_wheels_that_say_no_place_leave_the_page_alone(log):
+    viewer = Viewer("laser")
+    tracker = Tracker(Odometry())
+    for k, scan in enumerate(itertools.islice(log, 3)):
+        viewer.put(tracker.add(scan, odometry_pose=np.array([np.nan, np.nan, 0.01 * k])))
+    viewer.close()
+    assert viewer._wheels_from is None
+    assert not len(viewer._wheels)
+
+
+def test_a_scan_of_uneven_beams_does_not_end_a_recording(log, tmp_path):
+    tracker, path = Tracker(Odometry()), tmp_path / "a.mcap"
+    recorder = McapRecorder(path)
+    for k, scan in enumerate(itertools.islice(log, 6)):
+        tracked = tracker.add(scan)
+        uneven = LaserScan(
+            scan.ranges, angles=scan.angles - 0.2 * np.linspace(0.0, 1.0, len(scan)) ** 2, stamp=scan.stamp
+        )
+        recorder.put(replace(tracked, scan=uneven) if k == 2 else tracked)
+    recorder.close()
+    assert recorder.error is None
+    assert (recorder.n_scans, recorder.n_uneven) == (6, 1)
+    assert len(read_log(path)) == 5
+
+
+def test_a_full_disk_ends_a_sink_and_not_the_run():
+    class Full(WorkerSink):
+        def _take(self, tracked):
+            raise OSError(28, "No space left on device")
+
+    sink = Full("recorder", capacity=2, is_lossless=True)
+    for _ in range(10):
+        sink.put("a scan")
+    sink.close()
+    assert "recorder ended: No space left on device" in str(sink.error)
 
 
 def test_a_long_path_is_thinned(log, monkeypatch):

@@ -147,6 +147,17 @@ def test_a_map_as_others_write_it_is_read_alike(tmp_path):
         assert read_map(tmp_path / "grey.yaml").is_occupied.all() == is_occupied
 
 
+def test_a_picture_of_16_bits_is_scaled(tmp_path):
+    pixels = np.array([[0, 20_000, 65_535]], dtype=">u2")
+    (tmp_path / "deep.pgm").write_bytes(b"P5\n3 1\n65535\n" + pixels.tobytes())
+    (tmp_path / "deep.yaml").write_text(
+        "image: deep.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    )
+    grid = read_map(tmp_path / "deep.yaml")
+    assert grid.is_occupied[0].tolist() == [True, True, False]
+    assert grid.is_free[0].tolist() == [False, False, True]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -49,7 +49,7 @@ def test_the_match_of_an_odometry_needs_its_scans(axes):
 def test_a_trajectory_is_drawn_with_its_ellipses(axes):
     log = cs.simulate("office", n_scans=8, seed=1)
     run = cs.run(log)
-    cs.plot.trajectory(run, ax=axes, label="matching", color="green")
+    cs.plot.trajectory(run, ax=axes, label="matching", c="green", linewidth=2.0)
     np.testing.assert_array_equal(axes.lines[0].get_xydata(), run.trajectory.poses[:, :2])
     assert axes.lines[0].get_color() == "green"
     assert len(axes.patches) == 8

@@ -6,6 +6,7 @@ An edit that adds holds the measured pose that was taken, so that a replay asks 
 from __future__ import annotations
 
 import json
+import operator
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -141,10 +142,10 @@ def edit_of(values: Mapping[str, Any]) -> Edit:
     if unknown:
         raise InvalidArgumentError(f"an edit has no {', '.join(sorted(map(str, unknown)))}")
     try:
-        i = int(values["i"])
+        i, j = operator.index(values["i"]), operator.index(values.get("j", values["i"]))
         numbers = {k: tuple(float(v) for v in values[k]) for k in ("pose", "covariance") if values.get(k) is not None}
-        return Edit(do=str(values["do"]), i=i, j=int(values.get("j", i)), **numbers)
-    except (KeyError, TypeError, ValueError) as error:
+        return Edit(do=str(values["do"]), i=i, j=j, **numbers)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InvalidArgumentError(f"an edit has do, i, j, and for add pose and covariance: {error}") from error
 
 

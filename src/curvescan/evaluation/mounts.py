@@ -39,6 +39,8 @@ _CHANCE = 16.3
 _LEAST_PIECES = 8
 _LEAST_TURN = 0.5
 """Sum of the turns of all pieces, radians, without which the place of a laser on the body is not known."""
+_LEAST_WAY = 0.5
+"""Sum of the ways, metres, without which its heading is not."""
 
 
 def find_mount(motions_a: ArrayLike, motions_b: ArrayLike) -> UncertainPose:
@@ -48,11 +50,11 @@ def find_mount(motions_a: ArrayLike, motions_b: ArrayLike) -> UncertainPose:
         raise InvalidArgumentError(f"motions must be two arrays of shape (n, 3), got {a.shape} and {b.shape}")
     known = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
     a, b = a[known], b[known]
-    turned = float(np.abs(a[:, 2]).sum())
-    if len(a) < _LEAST_PIECES or turned < _LEAST_TURN:
+    turned, driven = float(np.abs(a[:, 2]).sum()), float(np.hypot(*a[:, :2].T).sum())
+    if len(a) < _LEAST_PIECES or turned < _LEAST_TURN or not driven > _LEAST_WAY:
         raise InvalidArgumentError(
-            f"a mount needs {_LEAST_PIECES} motions with {_LEAST_TURN} rad of turns in sum, got {len(a)} with "
-            f"{turned:.2f} rad: drive farther, and round bends"
+            f"a mount needs {_LEAST_PIECES} motions with {_LEAST_TURN} rad of turns and {_LEAST_WAY} m of way in sum, "
+            f"got {len(a)} with {turned:.2f} rad and {driven:.2f} m: drive farther, and round bends"
         )
     begin = _linear_mount(a, b)
     # the misclosure of an outlier: three deviations of the linear solution's, at least 1 mm

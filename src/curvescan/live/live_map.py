@@ -60,7 +60,7 @@ class LiveMap:
         self._deskewer = Deskewer()
         self._before: Pose | None = None
         self._mapped: Pose | None = None
-        self._kept: dict[tuple[int, int, int], tuple[int, LaserScan]] = {}
+        self._kept: dict[tuple[int, int, int], tuple[int, LaserScan, Pose]] = {}  # each with the pose that it had
         self._path, self._path_indices = array("d"), array("q")
         self._path_step = _PATH_STEP_M
         self._revised: Pose | None = None
@@ -96,7 +96,7 @@ class LiveMap:
             self._enter(scan, pose)
             self._mapped = pose
             if self._is_revisable:
-                self._kept[_cell(pose)] = tracked.index, scan
+                self._kept[_cell(pose)] = tracked.index, scan, pose
 
     def begin_with(self, scans: Iterable[LaserScan], poses: Pose) -> None:
         """Enter the keyframes of a saved map."""
@@ -138,22 +138,29 @@ class LiveMap:
 
     def kept(self) -> list[tuple[int, LaserScan]]:
         """Return the scans that are kept, in their order, deskewed, each with its number."""
+        return [(index, scan) for index, scan, _ in self._in_order()]
+
+    def _in_order(self) -> list[tuple[int, LaserScan, Pose]]:
         return sorted(self._kept.values(), key=lambda item: item[0])
 
     def redraw(self) -> None:
-        """Draw map and path anew with the newest revised poses, if there are any that were not used yet."""
+        """Draw map and path anew with the newest revised poses, if there are any that were not used yet.
+
+        Scans that came since stay where they were.
+        """
         poses, self._revised = self._revised, None
         if poses is None or not len(poses):
             return
         with self._redraws:
             self._builder = OccupancyBuilder(self._config)
-            kept, self._kept = self.kept(), {}
-            for index, scan in kept:
-                if index < len(poses):
-                    self._enter(scan, poses[index])
-                    self._kept[_cell(poses[index])] = index, scan
-            indices = np.minimum(np.array(self._path_indices, dtype=np.int64), len(poses) - 1)
-            self._path = array("d", np.ascontiguousarray(poses[indices]).tobytes())
+            n, kept, self._kept = len(poses), self._in_order(), {}
+            for index, scan, before in kept:
+                pose = poses[index] if index < n else before
+                self._enter(scan, pose)
+                self._kept[_cell(pose)] = index, scan, pose
+            indices, path = np.array(self._path_indices, dtype=np.int64), np.reshape(self._path, (-1, 3))
+            path[indices < n] = poses[indices[indices < n]]
+            self._path = array("d", path.tobytes())
             self._before = self._mapped = None  # the last motion is not one between revised poses
             self.path_version += 1
 

@@ -34,6 +34,7 @@ class MessageSink(MapSink):
         self._is_mapped = options.get("mode", "odometry") != "odometry"
         self._motion = BaseMotion(np.zeros(3))
         self._stamp, self._sent_map = 0.0, -1
+        self.n_uneven = 0  # scans that were left out, as their beams are not evenly spaced
         super().__init__(name, capacity=capacity, **options)
 
     def _send(self, topic: str, message: Any) -> None:
@@ -48,7 +49,10 @@ class MessageSink(MapSink):
         edges = [(ODOM_FRAME, LASER_FRAME, odom.pose)]
         if self._is_mapped and state.map_odom is not None:
             edges.append((MAP_FRAME, ODOM_FRAME, state.map_odom))
-        self._send(SCAN_TOPIC, builder.laser_scan(tracked.scan)[0])
+        if tracked.scan.has_uniform_angles:  # the message has no room for others
+            self._send(SCAN_TOPIC, builder.laser_scan(tracked.scan)[0])
+        else:
+            self.n_uneven += 1
         self._send(ODOM_TOPIC, builder.odometry(stamp, odom.pose, odom.covariance, **twist))
         self._send(TF_TOPIC, builder.transforms(stamp, edges))
         self._map.add(tracked)

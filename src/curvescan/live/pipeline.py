@@ -75,7 +75,7 @@ def run_live(
     with source, stoppable() as stop:
         threading.Thread(target=read, name="scan source", daemon=True).start()
         try:
-            while (item := queue.get(_POLL)) is not None or not queue.is_closed:
+            while (item := queue.get(_POLL)) is not None or not queue.is_done:
                 if stop.is_asked:
                     break
                 if item is None:

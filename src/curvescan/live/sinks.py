@@ -4,7 +4,7 @@ import threading
 from collections import deque
 from typing import Generic, Literal, Protocol, TypedDict, TypeVar, Unpack, runtime_checkable
 
-from curvescan.errors import CurvescanError, require
+from curvescan.errors import CurvescanError, OutputError, require
 from curvescan.live.live_map import LiveMap
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
@@ -48,6 +48,12 @@ class BoundedQueue(Generic[T]):
             item = self._items.popleft()
             self._changed.notify_all()
             return item
+
+    @property
+    def is_done(self) -> bool:
+        """Whether nothing more will come."""
+        with self._changed:
+            return self.is_closed and not self._items
 
     def close(self) -> None:
         """Take in nothing more; what is held can still be had."""
@@ -98,6 +104,8 @@ class WorkerSink:
                     self._take(tracked)
                 except CurvescanError as error:
                     self.error = error  # reported at the end; the other sinks and the poses go on
+                except OSError as error:
+                    self.error = OutputError(f"{self._thread.name} ended: {error.strerror or error}")
 
     def _take(self, tracked: TrackedScan) -> None:
         """Process one scan, in the sink's thread."""

@@ -202,8 +202,8 @@ class Viewer(MapSink):
 
     def _add_wheels(self, tracked: TrackedScan) -> None:
         """Take up where the wheels alone have the sensor, laid on its path at the first scan that is known."""
-        if tracked.wheels is None or not np.isfinite(tracked.step.pose).all():
-            return
+        if tracked.wheels is None or not np.isfinite([tracked.step.pose, tracked.wheels]).all():
+            return  # a gyroscope alone says nothing of the place
         if self._wheels_from is None:
             self._wheels_from = se2.compose(tracked.step.pose, se2.inverse(tracked.wheels))
         self._wheels.extend(np.round(se2.compose(self._wheels_from, tracked.wheels)[:2], 3))

@@ -120,8 +120,10 @@ def _pixels(path: Path) -> NDArray[np.uint8]:
 
         try:
             with Image.open(path) as picture:
+                if picture.mode.startswith("I"):  # of 16 bits
+                    return np.asarray(np.asarray(picture) // 257, dtype=np.uint8)
                 return np.asarray(np.asarray(picture.convert("RGB")).mean(axis=2), dtype=np.uint8)
-        except UnidentifiedImageError:
+        except (UnidentifiedImageError, Image.DecompressionBombError):
             raise ValueError(f"its picture {path.name} is neither a PGM (P5) nor any other that can be read") from None
     n_columns, n_rows = int(header[1]), int(header[2])
     if len(data) - header.end() != n_columns * n_rows or not n_columns * n_rows:

@@ -117,9 +117,12 @@ def trajectory(
     InvalidArgumentError
         When `source` is none of the above.
     """
+    from matplotlib.cbook import normalize_kwargs
+    from matplotlib.lines import Line2D
+
     poses, covariances = _poses(source)
     axes = _axes(ax)
-    look: dict[str, Any] = {"color": PATH, "lw": 1.2} | style
+    look: dict[str, Any] = {"color": PATH, "linewidth": 1.2} | normalize_kwargs(style, Line2D)
     axes.plot(*poses[:, :2].T, label=label, **look)
     mark_ends(axes, poses, look["color"])
     if covariances is not None and len(poses):

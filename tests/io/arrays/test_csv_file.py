@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from curvescan.errors import InvalidArgumentError, LogFormatError
-from curvescan.io import read_log
+from curvescan.io import read_log, write_log
+from curvescan.io.arrays.memory import as_log
+from curvescan.scan import LaserScan
 
 HEADER = "stamp,angle_min,angle_increment,range_min,range_max,ranges"
 ROW = "12.5,-1.0,0.5,0.1,8.0,1.0,2.5,nan,inf"
@@ -48,6 +50,15 @@ def test_even_beams_go_before_a_line_of_angles(tmp_path: Path) -> None:
     lines = [HEADER, "angles,0,0.1,0.3", "1,,,0,8,5,6,7", "2,-1,0.5,0,8,5,6,7"]
     log = read_log(write(tmp_path / "a", *lines))
     assert [scan.angles.tolist() for scan in log] == [[0, 0.1, 0.3], [-1.0, -0.5, 0.0]]
+
+
+def test_a_scan_without_beams_is_written_and_read(tmp_path: Path) -> None:
+    none = LaserScan([], angle_min=0.0, angle_increment=0.1, intensities=[])
+    some = LaserScan([1.0, 2.0], angle_min=0.0, angle_increment=0.1, intensities=[3.0, 4.0], stamp=1.0)
+    write_log(tmp_path / "a.csv", as_log([some, none, some]))
+    log = read_log(tmp_path / "a.csv")
+    assert [len(scan) for scan in log] == [2, 0, 2]
+    assert log.read_errors == ()
 
 
 def test_a_line_of_intensities_is_the_next_scans(tmp_path: Path) -> None:

@@ -78,6 +78,17 @@ def test_remissions_become_intensities(tmp_path: Path, tag: str) -> None:
     assert scan.stamp == 1000.25
 
 
+@pytest.mark.parametrize("beams", [{"start": 1e9}, {"resolution": 6.0, "ranges": [1.0] * 200}])
+def test_a_line_of_impossible_beams_is_broken_and_does_not_end_the_log(
+    tmp_path: Path, beams: dict[str, object]
+) -> None:
+    lines = [configured(stamp=1.0), configured(stamp=2.0, **beams), configured(stamp=3.0)]  # type: ignore[arg-type]
+    log = CarmenLog(write(tmp_path / "a", *lines))
+    assert [scan.stamp for scan in log] == [1.0, 3.0]
+    [error] = log.read_errors
+    assert "ROBOTLASER1 line: " in str(error)
+
+
 def test_remissions_of_another_number_are_left_out(tmp_path: Path) -> None:
     (scan,) = CarmenLog(write(tmp_path / "a.log", configured(remissions=(5, 6))))
     assert scan.intensities is None

@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 
@@ -19,7 +19,7 @@ from curvescan.cli.main import run as command
 from curvescan.runs.batch.jobs import digest_of
 from curvescan.runs.batch.logs import find_logs, name_folders
 from curvescan.runs.batch.places import open_results
-from curvescan.runs.batch.results import read_manifest
+from curvescan.runs.batch.results import BatchRecord, parse_record, read_manifest, record_line
 from tests.conftest import ROOT
 from tests.runs.batch.batch_jobs import LargeJob, NamedJob, UnloadableJob
 
@@ -395,3 +395,12 @@ def test_the_command_writes_what_one_command_a_log_writes(flags, tmp_path, capsy
     # the same options have one digest, from the command and from Python
     job = cs.SlamJob() if flags else None
     assert cs.run_batch(words[1], out=tmp_path / "out", job=job, resume=True).n_skipped == 1
+
+
+@pytest.mark.parametrize("folder", ["..", "", "a/b"])
+def test_a_manifest_does_not_lead_out_of_its_folder(folder):
+    known = {"input": "a.clf", "bytes": 1, "mtime_ns": 2, "options": "", "version": "", "exit": 0, "seconds": 1.0}
+    record = BatchRecord(**known, verdict="trusted", sentence="", folder="a")
+    assert parse_record(record_line(record)) == record
+    assert parse_record(record_line(replace(record, folder=folder))) is None
+    assert parse_record(b"[" * 100_000) is None

@@ -243,11 +243,15 @@ def _follow(
         warm_up(new_engine, flags.method)
     engine = new_engine()
     sinks = [*sinks, *([] if results is None else [results])]
+    recorder = None
     if outputs.record is not None:
-        sinks.append(live_package.McapRecorder(outputs.record, saved_map=outputs.drawn, **outputs.maps))
+        recorder = live_package.McapRecorder(outputs.record, saved_map=outputs.drawn, **outputs.maps)
+        sinks.append(recorder)
     tracker = Tracker(engine, prepared.odometry_poses if prepared else None)
     report, verdict = _track(source, tracker, viewer, sinks, prepared)
     OUT.print(summary(report, source.name, engine))
+    if recorder is not None and recorder.n_uneven:
+        ERR.print(f"{recorder.n_uneven:,} scans are not in {outputs.record}: their beams are not evenly spaced")
     if outputs.folder is not None and results is not None and report.n_scans:
         files = results.write(outputs.folder, report, name=source.name, engine=engine, log=prepared, command=sys.argv)
         OUT.print(f"wrote {outputs.out}/{', '.join(files)}")

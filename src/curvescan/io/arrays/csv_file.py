@@ -160,7 +160,7 @@ def write_csv_scans(path: Path, log: Log, on_scan: Callable[[], object]) -> tupl
             if not is_even and not np.array_equal(angles, scan.angles):
                 angles = scan.angles
                 file.write(f"{ANGLES},{_row(angles)}\n")
-            if scan.intensities is not None:
+            if scan.intensities is not None and len(scan):
                 file.write(f"{INTENSITIES},{_row(scan.intensities)}\n")
             left_out = () if is_even else ("angle_min", "angle_increment")
             file.write(",".join("" if name in left_out else repr(getattr(scan, name)) for name in COLUMNS))

@@ -23,6 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from curvescan.beams import even_beams
+from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.lines import BrokenRecordError, ReadError, ReadErrorCounter, printable, read_lines
 from curvescan.io.log import NO_POSE, PoseRow
 from curvescan.types import Floats, Ints
@@ -115,11 +117,16 @@ def _parse_configured(line: bytes, *, tag: str, n_pose_fields: int) -> ScanRecor
     if not math.isfinite(start_angle):
         raise BrokenRecordError(f"{tag} start angle not finite")
     tail = _finite_numbers(fields[end : end + n_pose_fields + 1], tag)
+    step = _angle_increment(resolution, fov, n, tag)
+    try:
+        even_beams(n, start_angle, step)
+    except InvalidArgumentError as error:
+        raise BrokenRecordError(f"{tag} line: {error}") from None
     return ScanRecord(
         stamp=tail[-1],
         ranges=_numbers(fields[9 : n + 9], tag),
         angle_min=start_angle,
-        angle_increment=_angle_increment(resolution, fov, n, tag),
+        angle_increment=step,
         range_max=max_range if 0.0 < max_range < math.inf else math.nan,
         intensities=_numbers(fields[n + 10 : end], tag) if n_remissions == n else None,
         pose=(tail[0], tail[1], tail[2]) if n_pose_fields else None,

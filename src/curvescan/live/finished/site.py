@@ -7,6 +7,7 @@ what a replay of the same edits gives.
 import json
 from collections.abc import Mapping
 from dataclasses import replace
+from operator import index
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,7 @@ class FinishedSite:
         slam_map = self._run.slam_map
         assert slam_map is not None, "without a map there are no actions"
         if name == "match":
-            return json.dumps(_answer(slam_map, int(arguments["i"]), int(arguments["j"]))).encode(), _JSON
+            return json.dumps(_answer(slam_map, index(arguments["i"]), index(arguments["j"]))).encode(), _JSON
         values = arguments["edits"]
         if not isinstance(values, list) or len(values) > _MAX_EDITS or not all(isinstance(v, dict) for v in values):
             raise InvalidArgumentError(f"edits must be a list of at most {_MAX_EDITS} objects")

@@ -67,10 +67,11 @@ def parse_record(line: bytes) -> BatchRecord | None:
     try:
         values: Any = json.loads(line)
         record = BatchRecord(**{f.name: values[f.name] for f in fields(BatchRecord) if f.name in values})
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         return None
     # the name of a folder comes from a file: it may not lead out of the batch's own
-    is_safe = isinstance(record.input, str) and Path(str(record.folder)).name == record.folder
+    is_name = Path(str(record.folder)).name == record.folder and record.folder not in ("", "..")
+    is_safe = isinstance(record.input, str) and is_name
     return record if is_safe else None
 
 

@@ -13,7 +13,7 @@ import tempfile
 import threading
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
@@ -96,13 +96,19 @@ def scratch_folder() -> Iterator[Path]:
             with held.open("ab") as file:
                 lock(file)
             shutil.rmtree(held.parent, ignore_errors=True)
-    folder = Path(tempfile.mkdtemp(prefix=SCRATCH_PREFIX))
-    try:
-        with (folder / _LOCK).open("ab") as file:
-            lock(file)
-            yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+    with ExitStack() as held_open:
+        yield _made_locked(held_open)
+
+
+def _made_locked(held_open: ExitStack) -> Path:
+    """Return a new temporary folder, locked and removed as long as a stack is open."""
+    while True:
+        folder = Path(tempfile.mkdtemp(prefix=SCRATCH_PREFIX))
+        held_open.callback(shutil.rmtree, folder, ignore_errors=True)
+        with suppress(OSError):  # another process may remove it before it is locked
+            lock(held_open.enter_context((folder / _LOCK).open("ab")))
+            if folder.exists():
+                return folder
 
 
 def _safe_name(key: str) -> str:

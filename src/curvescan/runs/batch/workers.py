@@ -149,6 +149,7 @@ class _Crew:
             self._idle.append(worker)
         else:
             result = worker.cause_of_death()
+            worker.kill()  # its pipes are closed
         return Done(task=task, result=result, seconds=time.monotonic() - begun)
 
     def kill(self) -> None:

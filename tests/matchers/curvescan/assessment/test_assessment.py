@@ -145,11 +145,11 @@ def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
 
 
 def test_ties_are_what_repeats_along_the_wall_or_all_where_the_first_is_not_sure_alone():
-    sure = Support(log_odds=4.0, rivals={1: -3.0, 2: -3.0, 3: -3.0}, repeated=[1, 3])
+    sure = Support(log_odds=4.0, competing={1: -3.0, 2: -3.0, 3: -3.0}, repeated=[1, 3])
     assert ties_of(sure, [1, 2], CONFIG) == [1]
     assert ties_of(sure, [2], CONFIG) == []
     assert ties_of(sure, [], CONFIG) == []
-    unsure = Support(log_odds=4.0, rivals={1: -3.0, 2: 0.5, 3: -3.0}, repeated=[1, 3])
+    unsure = Support(log_odds=4.0, competing={1: -3.0, 2: 0.5, 3: -3.0}, repeated=[1, 3])
     assert ties_of(unsure, [1, 2], CONFIG) == [1, 2]
 
 

@@ -278,7 +278,7 @@ def test_two_poses_to_either_side_make_a_row_of_equal_things():
 
 
 def test_probabilities_are_shares_of_all_odds():
-    support = Support(log_odds=1.0, rivals={1: 0.0, 2: -1.0}, repeated=[])
+    support = Support(log_odds=1.0, competing={1: 0.0, 2: -1.0}, repeated=[])
     accept, unsupported = support.probabilities()
     assert unsupported == pytest.approx(accept * np.exp(-1.0))
     assert 1.0 - accept - unsupported == pytest.approx(accept * (np.exp(0.0) + np.exp(-1.0)))
