@@ -39,6 +39,9 @@ def test_a_log_with_the_name_of_a_result_is_not_replaced(log, tmp_path, capsys):
     assert "has the name of a result, which would replace it: choose another folder" in capsys.readouterr().err
     assert named.read_bytes() == before
     assert [path.name for path in out.iterdir()] == ["view.npz"]
+    with pytest.raises(cs.OutputError, match="has the name of a result"):
+        cs.run(named, "odometry").save(out)
+    assert named.read_bytes() == before
 
 
 @pytest.mark.parametrize(

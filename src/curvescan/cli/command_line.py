@@ -69,6 +69,7 @@ def _warning_shown() -> Callable[..., None]:
 
 
 def _run(arguments: list[str]) -> int:
+    """Run a command and return its exit status; errors are a sentence on stderr."""
     try:
         if (text := _help(arguments)) is not None:
             print(text)

@@ -150,7 +150,9 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
     frequent = statistics.codes.most_common(_MAX_CODES)
     codes = (ReadingCode(value=value, share=count / statistics.n_readings) for value, count in frequent)
     odometry, sensor = log.odometry, sensor or judge_sensor(log)
-    code_band, ring = statistics.top_of_range.code_band(), statistics.top_of_range.ring()
+    code_band = statistics.top_of_range.code_band()
+    code_band = None if code_band is None or is_of_walls(log, code_band[:2]) else code_band
+    ring = None if code_band else statistics.top_of_range.ring()  # else it is the same codes
     return LogReport(
         name=log.name,
         format=log.format,
@@ -174,7 +176,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         largest_reading=max(statistics.top, default=math.nan),
         codes=tuple(code for code in codes if code.share >= _MIN_CODE_SHARE),
         suspect=_suspect(statistics),
-        code_band=None if code_band is None or is_of_walls(log, code_band[:2]) else code_band,
+        code_band=code_band,
         ring=None if ring is None or is_of_walls(log, ring[:2]) else ring,
         odometry=None if odometry is None else _summarise_odometry(odometry, odometry_lag(log, odometry.poses[:, 2])),
         mount=_mount(log, odometry),

@@ -98,7 +98,7 @@ _TESTS: dict[str, Callable[[LogReport], bool]] = {
     "few_valid": lambda r: r.valid_share < _LOW_VALID_SHARE and not _is_blank(r),
     "undeclared_code": lambda r: r.suspect is not None and r.code_band is None,
     "undeclared_codes": lambda r: r.code_band is not None,
-    "ring": lambda r: r.ring is not None and r.code_band is None,
+    "ring": lambda r: r.ring is not None,
     "no_odometry": lambda r: r.odometry is None,
     "odometry_gaps": lambda r: r.odometry is not None and r.odometry.n_missing > 0,
     "odometry_lag": lambda r: r.odometry is not None and r.odometry.lag != 0.0,

@@ -6,6 +6,7 @@ is seen at many distances as the sensor moves; a code stays where it is and come
 """
 
 from dataclasses import replace
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ _WIDTHS, _LOOSE_WIDTHS = (1, 2, 5, 10), (1, 2, 5, 10, 20)  # of a ring, bins: of
 _TIMES = (
     4  # how much denser a ring is than what lies beside it; in 17 real logs without codes no band is twice as dense
 )
-_ONE_IN, _MIN_SCANS = 50, 50  # a ring has one reading in so many at least, in so many scans: fewer moved no drive
+_ONE_IN, _MIN_SCANS = 50, 20  # a ring has one reading in so many at least, in so many scans: fewer moved no drive
 _N_ARC, _N_PROBED = (5, 20), 2_000  # neighbouring readings that tell an arc from a line; scans that are asked
 _N_SURFACE, _LOOSE_IN = 4, 3  # neighbouring readings of a surface; readings of a ring, of which one is of no surface
 
@@ -104,8 +105,7 @@ def is_of_walls(log: Log, band: tuple[float, float]) -> bool:
     readings a circle fits better than a line, and single ones are no arc.
     """
     n_inside = n_straight = 0
-    for k in range(0, len(log), max(len(log) // _N_PROBED, 1)):
-        scan = log[k]
+    for scan in islice(log, 0, None, max(len(log) // _N_PROBED, 1)):
         inside = scan.valid & (scan.ranges >= band[0]) & (scan.ranges <= band[1])
         n_inside += int(np.count_nonzero(inside))
         ends = np.flatnonzero(np.diff(np.pad(inside.astype(np.int8), 1))).reshape(-1, 2)

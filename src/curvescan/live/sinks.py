@@ -98,14 +98,15 @@ class WorkerSink:
         self._finish()
 
     def _work(self) -> None:
-        while (tracked := self._queue.get()) is not None:
-            if self.error is None:
-                try:
-                    self._take(tracked)
-                except CurvescanError as error:
-                    self.error = error  # reported at the end; the other sinks and the poses go on
-                except OSError as error:
-                    self.error = OutputError(f"{self._thread.name} ended: {error.strerror or error}")
+        try:
+            while self.error is None and (tracked := self._queue.get()) is not None:
+                self._take(tracked)
+        except CurvescanError as error:
+            self.error = error  # reported at the end; the other sinks and the poses go on
+        except OSError as error:
+            self.error = OutputError(f"{self._thread.name} ended: {error.strerror or error}")
+        finally:
+            self._queue.close()  # nobody waits for a sink that ended
 
     def _take(self, tracked: TrackedScan) -> None:
         """Process one scan, in the sink's thread."""

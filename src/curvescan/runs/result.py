@@ -26,7 +26,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import Step
-from curvescan.runs.results import maps_of_run, save_run
+from curvescan.runs.results import check_kept, maps_of_run, save_run
 from curvescan.slam import Localizer, Slam, SlamMap
 from curvescan.types import Pose
 
@@ -129,6 +129,8 @@ class Run:
         OutputError
             When the results cannot be written.
         """
+        if self.source is not None:
+            check_kept(self.source, Path(folder))
         with output_folder(folder, inputs=self.inputs) as new:
             save_run(new, self)
             return tuple(sorted(file.name for file in new.iterdir()))

@@ -21,17 +21,19 @@ from curvescan._version import __version__
 from curvescan.configs import as_plain
 from curvescan.engines.engine import is_deskewed, odometry_of
 from curvescan.engines.odometry_process import OdometryProcess
+from curvescan.errors import OutputError
 from curvescan.io.ros.bags.bag_files import storage_files
 from curvescan.io.trajectories.layouts import write_csv, write_tum
 from curvescan.io.trajectories.relations import write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.io.writing import EXPORTS
 from curvescan.mapping.map_server import write_map
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps, build_maps
 from curvescan.odometry import Odometry, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.odometry.step import IN_MAP
-from curvescan.runs.graph_files import describe_graph, write_closures, write_view_file
+from curvescan.runs.graph_files import VIEW_FILE, describe_graph, write_closures, write_view_file
 from curvescan.slam import Localizer, Slam
 from curvescan.slam.loop_search import Beside
 
@@ -40,6 +42,9 @@ if TYPE_CHECKING:
 
 RUN_RECORD = "run.json"
 _N_BLOCKS = 700  # of cells along a picture of the occupancy map, at most: pixels
+
+_NAMES = {VIEW_FILE, "trajectory.csv", "closures.csv", *(export.filename for export in EXPORTS.values())}
+"""Names of results that a log may have."""
 
 
 def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -> RunMaps:
@@ -162,6 +167,15 @@ def describe_run(run: Run, maps: RunMaps) -> dict[str, object]:
         **({} if run.prepared is None else run.prepared.as_plain()),
         **run.details,
     }
+
+
+def check_kept(source: Path, out: Path) -> None:
+    """Raise OutputError where a result would take the place of the log that it is made of."""
+    named = out / source.name
+    if source.name in _NAMES and source.exists() and named.exists() and named.samefile(source):
+        raise OutputError(
+            f"{source} has the name of a result, which would replace it: choose another folder than {out}"
+        )
 
 
 def left_out(maps: RunMaps) -> tuple[str, ...]:

@@ -19,20 +19,20 @@ from curvescan.diagnostics.verdict import judge
 from curvescan.engines import run_engine
 from curvescan.engines.engine import Engine, in_turn, odometry_of
 from curvescan.engines.odometry_process import OdometryProcess, can_run_ahead
-from curvescan.errors import InvalidArgumentError, OutputError, require
+from curvescan.errors import InvalidArgumentError, require
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.files.output import output_folder
 from curvescan.io.log import HeldLog, Log
 from curvescan.io.reading import read_log
-from curvescan.io.writing import EXPORTS, ExportName, RunData, check_exports, takes_edges, write_exports
+from curvescan.io.writing import ExportName, RunData, check_exports, takes_edges, write_exports
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry import Odometry, OdometryConfig
 from curvescan.odometry.config import MATCHER_HINT
-from curvescan.runs.graph_files import VIEW_FILE, edges_of
+from curvescan.runs.graph_files import edges_of
 from curvescan.runs.result import Run
-from curvescan.runs.results import left_out, list_further_files, save_run
+from curvescan.runs.results import check_kept, left_out, list_further_files, save_run
 from curvescan.scan import LaserScan
 from curvescan.slam import Localizer, Slam, SlamConfig, SlamMap
 from curvescan.slam.localization.grid_map import opened
@@ -44,8 +44,6 @@ PathLike: TypeAlias = str | os.PathLike[str]
 LogLike: TypeAlias = Log | Iterable[LaserScan] | PathLike
 
 _STAGES: dict[EngineName, str] = {"odometry": "odometry", "slam": "SLAM"}
-_NAMES = {VIEW_FILE, "trajectory.csv", "closures.csv", *(export.filename for export in EXPORTS.values())}
-"""Names of results that a log may have."""
 _N_FIRST = 4
 """Scans that load the kernels: with the fourth one there is a motion to expect."""
 
@@ -265,7 +263,7 @@ def _run(
     inputs = (*inputs, *(() if source is None else (Path(source),)))
     # first of all: a place that cannot be written costs no work
     if source is not None and out is not None:
-        _check_kept(Path(source), Path(out))
+        check_kept(Path(source), Path(out))
     place = nullcontext() if out is None else output_folder(out, inputs=inputs)
     helper = options.get("n_processes", 1) > 1 and can_run_ahead(len(opened))
     with place as folder, OdometryProcess() if helper else nullcontext() as other:
@@ -306,15 +304,6 @@ def _run(
             files = tuple(sorted(file.name for file in folder.iterdir()))
             result = replace(result, maps=maps, files=files, left_out=left_out(maps))
     return result
-
-
-def _check_kept(source: Path, out: Path) -> None:
-    """Raise OutputError where a result would take the place of the log that it is made of."""
-    named = out / source.name
-    if source.name in _NAMES and source.exists() and named.exists() and named.samefile(source):
-        raise OutputError(
-            f"{source} has the name of a result, which would replace it: choose another folder than {out}"
-        )
 
 
 def load_kernels(engine: Engine, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> None:

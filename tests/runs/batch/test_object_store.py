@@ -169,3 +169,26 @@ def test_temporary_folders_of_the_dead_are_removed(tmp_path, monkeypatch):
         names = {path.name for path in tmp_path.iterdir()}
         assert names == {one.name, other.name, "curvescan-batch-unlocked"}
     assert [path.name for path in tmp_path.iterdir()] == ["curvescan-batch-unlocked"]
+
+
+def test_a_temporary_folder_that_is_taken_away_or_cannot_be_locked_does_not_last_for_ever(tmp_path, monkeypatch):
+    monkeypatch.setattr(worker.tempfile, "tempdir", str(tmp_path))
+    tries = []
+
+    def taken_once(file):
+        tries.append(file.name)
+        if len(tries) == 1:
+            worker.shutil.rmtree(Path(file.name).parent)
+
+    monkeypatch.setattr(worker, "lock", taken_once)
+    with worker.scratch_folder() as folder:
+        assert folder.is_dir()
+        assert len(tries) == 2
+
+    def refused(file):
+        raise OSError(37, "No locks available")
+
+    monkeypatch.setattr(worker, "lock", refused)
+    with pytest.raises(OSError, match="No locks available"), worker.scratch_folder():
+        pass
+    assert not list(tmp_path.iterdir())

@@ -54,8 +54,9 @@ def info(
     """
     from curvescan.diagnostics.inspect import inspect_log
     from curvescan.diagnostics.issues import find_issues, report_as_plain
+    from curvescan.io.log import HeldLog
 
-    report = inspect_log(reading.open(log))
+    report = inspect_log(HeldLog(reading.open(log)))
     mounts, wrong = _mounts_of(log) if reading.rig or reading.topic is not None else ("", [])
     if json:
         plain = report_as_plain(report)

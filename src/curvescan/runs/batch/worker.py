@@ -13,7 +13,7 @@ import tempfile
 import threading
 import traceback
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
@@ -102,13 +102,14 @@ def scratch_folder() -> Iterator[Path]:
 
 def _made_locked(held_open: ExitStack) -> Path:
     """Return a new temporary folder, locked and removed as long as a stack is open."""
-    while True:
+    for is_last in (False, False, True):  # another process may lock and remove it before it is locked here
         folder = Path(tempfile.mkdtemp(prefix=SCRATCH_PREFIX))
         held_open.callback(shutil.rmtree, folder, ignore_errors=True)
-        with suppress(OSError):  # another process may remove it before it is locked
+        with nullcontext() if is_last else suppress(OSError):
             lock(held_open.enter_context((folder / _LOCK).open("ab")))
             if folder.exists():
                 return folder
+    raise StorageError(f"{folder} was removed while it was made: give another TMPDIR")
 
 
 def _safe_name(key: str) -> str:
