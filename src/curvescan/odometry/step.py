@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curvescan.matchers import MatchResult
-from curvescan.se2.uncertain import UncertainPose, between
+from curvescan.se2.uncertain import UncertainPose, between, is_positive_definite
 from curvescan.types import Cov, Pose
 
 if TYPE_CHECKING:
@@ -131,8 +131,8 @@ class Step:
 def between_steps(origin: Step, step: Step) -> UncertainPose:
     """Return the pose of a step in the frame of an earlier one, with what was added to the covariance since."""
     found = between(UncertainPose(origin.pose, origin.covariance), UncertainPose(step.pose, step.covariance))
-    values, vectors = np.linalg.eigh(found.covariance)
-    if values[0] > 0.0:
+    if is_positive_definite(found.covariance):
         return found
+    values, vectors = np.linalg.eigh(found.covariance)
     # the two hang on one keyframe, or a stretch was settled since: the poses then differ by what was put right
     return UncertainPose(found.pose, (vectors * np.abs(values)) @ vectors.T)

@@ -22,6 +22,7 @@ def wrap_angle(angle: float) -> float:
 
 
 _LEAST_VARIANCE = 1e-18  # square metres and radians: a nanometre and a nanoradian
+_LEAST_DETERMINANT = 1e-9  # of correlations: below it rounding decides
 
 
 def identity() -> UncertainPose:
@@ -48,6 +49,16 @@ def fuse(one: UncertainPose, other: UncertainPose) -> tuple[UncertainPose, float
     """Return the mean of two independent estimates of one pose, weighed by their covariances, and their distance."""
     pose, cov, distance = _fuse(one.pose, one.covariance, other.pose, other.covariance)
     return UncertainPose(pose, cov), distance
+
+
+def is_positive_definite(cov: Cov) -> bool:
+    """Return whether a symmetric (3, 3) matrix is positive definite by more than rounding, from its correlations."""
+    (xx, xy, xt), (_, yy, yt), (_, _, tt) = cov.tolist()
+    if not min(xx, yy, tt) > 0.0:
+        return False
+    x, y, t = math.sqrt(xx), math.sqrt(yy), math.sqrt(tt)
+    a, b, c = xy / (x * y), xt / (x * t), yt / (y * t)
+    return bool(abs(a) < 1.0 and 1.0 + 2.0 * a * b * c - a * a - b * b - c * c > _LEAST_DETERMINANT)
 
 
 @kernel
