@@ -135,6 +135,11 @@ def test_arrays_that_make_no_scans(tmp_path: Path, arrays: dict[str, Any], sente
         read_log(save(tmp_path / "a", **arrays))
 
 
+def test_a_saved_map_is_told_from_a_log(tmp_path: Path) -> None:
+    with pytest.raises(LogFormatError, match=r"is a saved map, not a log: .*curvescan localize LOG --map"):
+        read_log(save(tmp_path / "map.csmap", csmap_version=np.array([3])))
+
+
 def test_nothing_is_unpickled(tmp_path: Path) -> None:
     class Trap:
         def __reduce__(self) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,7 +15,7 @@ import pytest
 from curvescan.errors import OutputError
 from curvescan.io import output_folder
 from curvescan.io.files import output
-from curvescan.io.files.output import HIDDEN_PREFIX, output_file
+from curvescan.io.files.output import HIDDEN_PREFIX, hidden_folder, output_file
 from tests.conftest import ROOT
 
 
@@ -454,3 +455,20 @@ def test_no_text_is_written_with_the_systems_line_ends():
         text = path.read_text("utf-8")
         for call in re.findall(r"\.write_text\((?:[^()]|\((?:[^()]|\([^()]*\))*\))*\)", text):
             assert 'newline="\\n"' in call, f"{path}: {call}"
+
+
+def test_a_temporary_folder_that_is_swept_before_it_is_locked_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+
+    def swept_once(folder: Path, *, is_waiting: bool) -> None:
+        made.append(folder)
+        if len(made) == 1:
+            shutil.rmtree(folder)
+
+    monkeypatch.setattr(output, "_lock", swept_once)
+    with hidden_folder(tmp_path) as folder:
+        assert folder.is_dir()
+    assert len(set(made)) == 2
+    assert not list(tmp_path.iterdir())

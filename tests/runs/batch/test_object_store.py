@@ -12,6 +12,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.cli.main import run as command
+from curvescan.io.files.output import HIDDEN_PREFIX
 from curvescan.runs.batch import worker
 from curvescan.runs.batch.logs import _matches, name_folders, unique_name
 from curvescan.runs.batch.object_store import Bucket, Claims, is_url, split_url
@@ -159,36 +160,12 @@ def test_names_of_objects_lead_out_of_no_folder(bucket, tmp_path, monkeypatch):
     assert {path.name for path in found.iterdir()} == {"metadata.yaml", ".._.._evil.db3"}
 
 
-def test_temporary_folders_of_the_dead_are_removed(tmp_path, monkeypatch):
+def test_temporary_folders_of_the_dead_are_removed_and_none_is_read_by_others(tmp_path, monkeypatch):
+    pytest.importorskip("fcntl", reason="no locks on folders")
     monkeypatch.setattr(worker.tempfile, "tempdir", str(tmp_path))
-    dead = tmp_path / "curvescan-batch-dead"
-    dead.mkdir()
-    (dead / ".in-use").touch()
-    (tmp_path / "curvescan-batch-unlocked").mkdir()  # about to be locked by its owner
+    (tmp_path / f"{HIDDEN_PREFIX}deaddead").mkdir()
+    (tmp_path / "somebody-else").mkdir()
     with worker.scratch_folder() as one, worker.scratch_folder() as other:
-        names = {path.name for path in tmp_path.iterdir()}
-        assert names == {one.name, other.name, "curvescan-batch-unlocked"}
-    assert [path.name for path in tmp_path.iterdir()] == ["curvescan-batch-unlocked"]
-
-
-def test_a_temporary_folder_that_is_taken_away_or_cannot_be_locked_does_not_last_for_ever(tmp_path, monkeypatch):
-    monkeypatch.setattr(worker.tempfile, "tempdir", str(tmp_path))
-    tries = []
-
-    def taken_once(file):
-        tries.append(file.name)
-        if len(tries) == 1:
-            worker.shutil.rmtree(Path(file.name).parent)
-
-    monkeypatch.setattr(worker, "lock", taken_once)
-    with worker.scratch_folder() as folder:
-        assert folder.is_dir()
-        assert len(tries) == 2
-
-    def refused(file):
-        raise OSError(37, "No locks available")
-
-    monkeypatch.setattr(worker, "lock", refused)
-    with pytest.raises(OSError, match="No locks available"), worker.scratch_folder():
-        pass
-    assert not list(tmp_path.iterdir())
+        assert {path.name for path in tmp_path.iterdir()} == {one.name, other.name, "somebody-else"}
+        assert one.stat().st_mode & 0o077 == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["somebody-else"]

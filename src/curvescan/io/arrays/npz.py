@@ -44,6 +44,11 @@ def open_npz(path: Path, *, range_max: float | None = None, topic: str | None = 
 def _check_arrays(file: NpzFile) -> tuple[int, int]:
     """Return the numbers of scans and of beams, having compared all shapes."""
     shapes = {name: header.shape for name, header in file.headers.items()}
+    if "csmap_version" in shapes:
+        raise LogFormatError(
+            f"{file.path} is a saved map, not a log: localize a log in it (`curvescan localize LOG --map {file.path}`), "
+            "continue it (`curvescan slam LOG --map`), or draw and edit it (`curvescan map`)"
+        )
     for name in ("stamps", "ranges"):
         if name not in shapes:
             raise LogFormatError(

@@ -20,7 +20,7 @@ from curvescan._interrupts import cleaned_up_by, held_back, note_written
 from curvescan.errors import CurvescanError, OutputError
 from curvescan.io.files.lines import as_path, printable
 
-__all__ = ["HIDDEN_PREFIX", "check_is_other", "output_file", "output_folder"]
+__all__ = ["HIDDEN_PREFIX", "check_is_other", "hidden_folder", "output_file", "output_folder"]
 
 HIDDEN_PREFIX = ".curvescan-"  # beginning of the names of temporary folders
 RECORDS = ("run.json", "results.json")  # files that list, under ``"files"``, the results they belong to
@@ -85,7 +85,7 @@ def _temporary(path: str | os.PathLike[str], *, is_file: bool) -> Iterator[tuple
             for parent in reversed([parent for parent in target.parents if not parent.exists()]):
                 parent.mkdir()
                 made.append(parent)
-            with _hidden_folder(target if target.exists() and not is_file else target.parent) as temporary:
+            with hidden_folder(target if target.exists() and not is_file else target.parent) as temporary:
                 yield temporary, target
         except BaseException:
             with held_back():
@@ -129,7 +129,7 @@ def _remove(made: list[Path]) -> None:
 
 
 @contextmanager
-def _hidden_folder(parent: Path) -> Iterator[Path]:
+def hidden_folder(parent: Path) -> Iterator[Path]:
     """Yield a new hidden folder, locked, and remove it at the end; first those of killed processes are removed."""
     _sweep(parent)
     path, lock = _make_locked(parent)

@@ -13,21 +13,18 @@ import tempfile
 import threading
 import traceback
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from typing import BinaryIO, TypeAlias
 
-from curvescan._processes import lock
 from curvescan._version import __version__
 from curvescan.errors import CurvescanError, LogFileError, StorageError
+from curvescan.io.files.output import hidden_folder
 from curvescan.runs.batch.jobs import Job, JobResult
 from curvescan.runs.batch.logs import BAG_MARK
 from curvescan.runs.batch.object_store import Bucket, is_url, split_url
-
-SCRATCH_PREFIX = "curvescan-batch-"
-_LOCK = ".in-use"
 
 
 def run_job(job: Job, log: str, folder: str) -> JobResult:
@@ -90,26 +87,10 @@ def upload(folder: Path, url: str) -> None:
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Yield a temporary folder; those of processes that were killed are removed on the way."""
-    for held in Path(tempfile.gettempdir()).glob(f"{SCRATCH_PREFIX}*/{_LOCK}"):
-        with suppress(OSError):  # somebody else's, or in use
-            with held.open("ab") as file:
-                lock(file)
-            shutil.rmtree(held.parent, ignore_errors=True)
-    with ExitStack() as held_open:
-        yield _made_locked(held_open)
-
-
-def _made_locked(held_open: ExitStack) -> Path:
-    """Return a new temporary folder, locked and removed as long as a stack is open."""
-    for is_last in (False, False, True):  # another process may lock and remove it before it is locked here
-        folder = Path(tempfile.mkdtemp(prefix=SCRATCH_PREFIX))
-        held_open.callback(shutil.rmtree, folder, ignore_errors=True)
-        with nullcontext() if is_last else suppress(OSError):
-            lock(held_open.enter_context((folder / _LOCK).open("ab")))
-            if folder.exists():
-                return folder
-    raise StorageError(f"{folder} was removed while it was made: give another TMPDIR")
+    """Yield a temporary folder for nobody else's eyes; those of processes that were killed are removed on the way."""
+    with hidden_folder(Path(tempfile.gettempdir())) as folder:
+        folder.chmod(0o700)
+        yield folder
 
 
 def _safe_name(key: str) -> str:
