@@ -12,7 +12,7 @@ import pytest
 import curvescan as cs
 from curvescan.engines import run_engine
 from curvescan.odometry import KeyframesConfig, MotionConfig, OdometryConfig, StepOutcome
-from curvescan.simulation import build_world
+from curvescan.simulation import SENSORS, build_world
 from tests.reference.se2 import compose_covariance
 from tests.scenes import room_ranges, room_scan
 
@@ -355,6 +355,30 @@ def test_stamps_that_jitter_change_nothing():
     jittered = [dataclasses.replace(s, stamp=s.stamp + rng.uniform(-1e-3, 1e-3)) for s in scans]
     one, other = run_engine(scans), run_engine(jittered)
     np.testing.assert_array_equal(one.trajectory.poses, other.trajectory.poses)
+
+
+@pytest.mark.parametrize("jump", [2.0, 5.0, 50.0])
+def test_wheels_that_leap_bend_no_sweep(jump):
+    sensor = SENSORS["spinning-360"]
+    log = cs.simulate(
+        "office", sensor=replace(sensor, time_increment=sensor.period / sensor.n_beams), n_scans=30, seed=6
+    )
+    wheels = log.truth.poses.copy()
+    wheels[15:, :2] += jump * np.array([0.6, 0.8])
+    odometry = cs.Odometry()
+    steps = [odometry.add(scan, pose) for scan, pose in zip(log, wheels, strict=True)]
+    assert steps[15].is_prior_rejected
+    assert all(step.is_matched for step in steps[1:])
+    truth = cs.se2.between(log.truth.poses[0], log.truth.poses)
+    assert np.hypot(*(steps[-1].pose - truth[-1])[:2]) < 0.1
+
+
+@pytest.mark.parametrize("stamps", [(0.0, 5e-324, 1e-12, 3e-12), (-1e15, 1e15, -1e15, 1e15), (0.0, 1e15, 1e15, 0.0)])
+def test_no_clock_ends_an_odometry(stamps):
+    scans, _ = drive(len(stamps))
+    odometry = cs.Odometry()
+    for scan, stamp in zip(scans, stamps, strict=True):
+        assert np.isfinite(odometry.add(replace(scan, stamp=stamp)).pose).all()
 
 
 @pytest.mark.parametrize(

@@ -23,10 +23,7 @@ _DIGITS = 3
 
 
 class Deskewer(NamedTuple):
-    """The clock of a stream of scans, and the velocity that a motion between two of them means.
-
-    Immutable: each scan makes a new one.
-    """
+    """The clock of a stream of scans, and the velocity that a motion between two of them means; a new one each scan."""
 
     stamps: tuple[float, ...] = ()  # the last few stamps, seconds
     period: float = 0.0  # usual time between two scans, seconds; 0 where stamps do not tell

@@ -99,6 +99,11 @@ class Observation:
         """The scan deskewed with the expected motion, and ready to be matched."""
         return self.prepared(self.prediction.motion.pose)
 
+    def is_bent(self, expected: Pose, found: Pose) -> bool:
+        """Return whether the sweep comes out otherwise by a motion since the last scan than by the expected one."""
+        is_deskewed = self.config.deskew and self.scan.time_increment != 0.0
+        return is_deskewed and self.prediction.deskewer.is_worth_again(self.scan, expected, found)
+
     def prepared(self, motion: Pose) -> PreparedScan:
         """Return the scan ready to be matched, deskewed with a motion since the last one."""
         return self.matching.prepare(

@@ -46,19 +46,22 @@ def place(o: Observation) -> Placement:
             motion=o.state.motion.advanced(o.prediction),
             step_motion=identity(),
         )
-    attempt = _try_references(o, last)
+    attempt, p = _try_references(o, last, o.current), o.prediction
+    if not attempt.gated.is_accepted and p.is_measured and o.is_bent(p.motion.pose, p.repeated.pose):
+        # by an odometry that leaped, on say: a sweep that it bent matches nothing
+        other = _try_references(o, last, o.prepared(p.repeated.pose))
+        attempt = other if other.gated.is_accepted else attempt
     return _track(o, last, attempt) or _extrapolate(o, last, attempt)
 
 
-def _try_references(o: Observation, last: Localization) -> _Attempt:
+def _try_references(o: Observation, last: Localization, current: PreparedScan) -> _Attempt:
     """Return the match with the keyframe in use or, where that leaves doubt and it does better, the previous scan.
 
     Where neither shows the scan near the expected motion, the last one is tried as far around as a sensor moves unseen:
     a robot stops, or begins to turn, at once.
     """
     matching, previous = o.matching, o.state.previous
-    current, prediction = o.current, o.prediction
-    rules = matching.config.keyframes
+    prediction, rules = o.prediction, matching.config.keyframes
     attempt = nearest = _Attempt(
         gated=matching.match(last.keyframe.scan, current, last.pose_keyframe_scan, prediction),
         outcome=StepOutcome.MATCHED,
@@ -146,10 +149,7 @@ def _extrapolate(o: Observation, last: Localization, failed: _Attempt) -> Placem
 def _with_better_sweep(o: Observation, attempt: _Attempt) -> _Attempt:
     """Return the match once more where it found a motion that deskews the sweep better than the expected one."""
     found = se2.between(attempt.origin.pose, attempt.gated.pose_keyframe_scan.pose)
-    expected = o.prediction.motion.pose
-    if not (
-        o.config.deskew and o.scan.time_increment and o.prediction.deskewer.is_worth_again(o.scan, expected, found)
-    ):
+    if not o.is_bent(o.prediction.motion.pose, found):
         return attempt
     if o.state.first is not None:  # its velocity was not known
         first = o.matching.prepare(o.prediction.deskewer.deskewed(o.state.first, found))
