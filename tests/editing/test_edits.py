@@ -43,6 +43,18 @@ def test_a_pinned_keyframe_stays_where_it_was_said_to_be():
     assert np.abs(pinned.poses[0]).max() == 0.0
 
 
+def test_what_was_put_in_by_hand_holds_in_the_edits_that_follow(tmp_path):
+    slam_map, _ = ring()
+    moved = slam_map.poses[30] + [0.4, -0.3, 0.0]
+    edited(slam_map, [Edit(do="pin", i=30, j=30, pose=tuple(moved.tolist()))]).save(tmp_path / "map.csmap")
+    pinned = load_map(tmp_path / "map.csmap")
+    closures = pinned.ends[pinned.kinds == EdgeKind.CLOSURE]
+    for edit in (Edit(do="drop", i=int(closures[0, 0]), j=int(closures[0, 1])), Edit(do="forbid", i=0, j=N - 1)):
+        np.testing.assert_allclose(edited(pinned, [edit]).poses[30, :2], moved[:2], atol=0.01)
+    again = edited(pinned, [Edit(do="pin", i=30, j=30, pose=tuple(slam_map.poses[30].tolist()))])
+    np.testing.assert_allclose(again.poses[30, :2], slam_map.poses[30, :2], atol=0.01)
+
+
 def test_a_forbidden_stretch_has_no_closure():
     slam_map, _ = ring()
     free = edited(slam_map, [Edit(do="forbid", i=N - 1, j=N - 4)])

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from curvescan import InvalidArgumentError, LaserScan, OccupancyConfig, OccupancyGrid, load_map, se2, simulate
 from curvescan.cli.main import run
 from curvescan.editing import merging, operations
+from curvescan.editing.edits import Edit, edited
 from curvescan.editing.merging import merged
 from curvescan.io.writing import write_pcd, write_ply
 from curvescan.mapping import grid_editing
@@ -41,6 +42,21 @@ def test_walls_are_leveled_whatever_the_turn(angle):
     assert abs(wall_angle(operations.map_points(operations.leveled(turned)))) < 0.002
     back = operations.turned(turned, -angle)
     np.testing.assert_allclose(se2.between(in_a_hall().poses, back.poses), 0.0, atol=1e-12)
+
+
+def test_a_map_that_is_changed_keeps_how_its_occupancy_is_made():
+    config = OccupancyConfig(resolution=0.2, highest=0.9)
+    hall = in_a_hall()
+    hall = replace(hall, grid=hall.occupancy(config))
+    box = (-1.0, -1.0, 4.0, 4.0)
+    for changed in (
+        operations.turned(hall, 0.3),
+        operations.cropped(hall, box),
+        operations.rubbed_out(hall, box),
+        edited(hall, [Edit(do="pin", i=3, j=3)]),
+    ):
+        assert changed.occupancy().config == config
+    assert operations.resampled(hall, 0.1).occupancy().config == replace(config, resolution=0.1)
 
 
 def test_a_map_without_walls_cannot_be_leveled():

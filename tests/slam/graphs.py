@@ -30,15 +30,14 @@ def measured_edges(truth: Pose, ends: list[tuple[int, int]], seed: int) -> Edges
     return Edges.of(rows, measured, covariances)
 
 
-def graph_of(poses: Pose, edges: Edges, least: float) -> PoseGraph:
-    """Return a graph of n poses; the first n - 1 edges are matches that keep a weight, the others closures."""
+def graph_of(poses: Pose, edges: Edges, steps: EdgeKind = EdgeKind.MATCH) -> PoseGraph:
+    """Return a graph of n poses; the first n - 1 edges are the chain, the others closures."""
     graph = PoseGraph()
     for pose in poses:
         graph.add_pose(pose)
     for k, (i, j) in enumerate(edges.ends.tolist()):
-        is_step = k < len(poses) - 1
-        kind = EdgeKind.MATCH if is_step else EdgeKind.CLOSURE
-        graph.add_edge(i, j, edges.measured[k], np.diag(SIGMAS**2), kind, least=least * is_step)
+        kind = steps if k < len(poses) - 1 else EdgeKind.CLOSURE
+        graph.add_edge(i, j, edges.measured[k], np.diag(SIGMAS**2), kind)
     return graph
 
 

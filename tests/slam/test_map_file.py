@@ -62,6 +62,23 @@ def test_edges_of_wheels_that_maps_had_once_are_left_out(tmp_path: Path) -> None
     assert Slam(map=after).n_fragments == 1
 
 
+def test_a_reading_at_a_limit_of_the_laser_stays_one(tmp_path: Path) -> None:
+    one = _map()
+    scan = LaserScan(np.array([0.1, 8.1]), angle_min=0.0, angle_increment=0.1, range_min=0.1, range_max=8.1)
+    replace(one, scans=(scan, one.scans[1])).save(tmp_path / "a.csmap")
+    assert load_map(tmp_path / "a.csmap").scans[0].valid.all()
+
+
+def test_a_map_of_much_that_is_unknown_is_read_again(tmp_path: Path) -> None:
+    one = _map()
+    assert one.grid is not None
+    log_odds = np.zeros((5000, 4000), dtype=np.float32)  # 76 MiB, and a file of 0.1
+    replace(one, grid=replace(one.grid, log_odds=log_odds)).save(tmp_path / "a.csmap")
+    found = load_map(tmp_path / "a.csmap").grid
+    assert found is not None
+    assert found.log_odds.shape == log_odds.shape
+
+
 def test_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(LogFileError, match="does not exist"):
         load_map(tmp_path / "no.csmap")
@@ -89,6 +106,10 @@ def test_a_file_cut_short_at_any_place_is_refused(tmp_path: Path) -> None:
         ("csmap_version", np.array([np.nan]), "a map of version nan: install a later"),
         ("grid_config", None, "damaged: 'grid_config'"),
         ("grid_config", np.float64(0.0), "damaged"),
+        ("grid_origin", np.array([np.nan, 0.0]), "of finite numbers"),
+        ("grid_log_odds", np.full((2, 2), np.nan), "of finite numbers"),
+        ("edge_weights", np.array([1.5]), r"edge_weights must lie in \[0, 1\]"),
+        ("edge_covariances", np.array([[-0.01, 0.0, 0.0, 0.01, 0.0, 0.01]]), "must be positive definite"),
     ],
 )
 def test_a_wrong_array_is_named(tmp_path: Path, name: str, value: np.ndarray | None, reason: str) -> None:
@@ -110,7 +131,7 @@ def test_an_array_that_is_not_known_is_left_aside(tmp_path: Path) -> None:
     with np.load(path) as file:
         arrays = dict(file)
     with path.open("wb") as new:
-        np.savez(new, tomorrow=np.arange(3.0), **arrays)
+        np.savez(new, tomorrow=np.zeros((2, 2, 2)), names=np.array(["a"]), **arrays)
     assert len(load_map(path)) == 2
 
 

@@ -29,7 +29,7 @@ def test_it_keeps_the_true_closures_and_no_false_one(share: float) -> None:
     n = 120
     truth = loop(n)
     edges, is_false = _with_outliers(measured_edges(truth, ladder(n), seed=1), n, share, seed=2)
-    found = optimized(graph_of(dead_reckoning(edges, n), edges, 1.0), weights=None)
+    found = optimized(graph_of(dead_reckoning(edges, n), edges, EdgeKind.BY_HAND), weights=None)
     assert found.weights[is_false].max() == 0.0
     assert found.weights[~is_false].min() > 0.99
     off = se2.between(truth, found.poses)
@@ -41,7 +41,7 @@ def test_an_edge_wins_its_vote_back() -> None:
     truth = loop(n)
     edges = measured_edges(truth, ladder(n), seed=3)
     lost = 1.0 * (np.arange(len(edges.ends)) < n - 1)
-    found = optimized(graph_of(truth, edges, 1.0), weights=lost)
+    found = optimized(graph_of(truth, edges, EdgeKind.BY_HAND), weights=lost)
     assert found.weights.min() == 1.0
 
 
@@ -51,7 +51,7 @@ def test_a_step_that_slipped_gives_way_and_keeps_its_least_weight() -> None:
     edges = measured_edges(truth, ladder(n), seed=3)
     slipped = edges.measured.copy()
     slipped[25, 0] += 2.0
-    found = optimized(graph_of(dead_reckoning(edges, n), edges._replace(measured=slipped), 1e-4), weights=None)
+    found = optimized(graph_of(dead_reckoning(edges, n), edges._replace(measured=slipped)), weights=None)
     # between two closures nothing tells which of three steps it was
     [lost] = np.flatnonzero(found.weights < 0.5).tolist()
     assert lost in (24, 25, 26)

@@ -70,7 +70,7 @@ def test_poses_of_one_place_are_those_of_a_fragment_that_look_one_way() -> None:
 def _graph(seed: int) -> tuple[PoseGraph, np.ndarray]:
     truth = loop(_N)
     edges = measured_edges(truth, ladder(_N), seed)
-    graph = graph_of(dead_reckoning(edges, _N), edges, 1e-4)
+    graph = graph_of(dead_reckoning(edges, _N), edges)
     _optimize(graph)
     return graph, truth
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from curvescan import se2
+from curvescan.editing.operations import remapped
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.output import output_folder
 from curvescan.io.trajectories.relations import write_g2o
@@ -30,7 +31,6 @@ from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.posterior import covariances_seen_from
 from curvescan.slam.pose_graph.robust import optimized
-from curvescan.types import Cov, Pose
 
 _VERSION = 1
 _KINDS = ("drop", "add", "pin", "forbid")
@@ -84,24 +84,22 @@ def _apply(graph: PoseGraph, edit: Edit) -> None:
         if i == 0:
             raise InvalidArgumentError("keyframe 0 holds the frame of the map: it is pinned already")
         pose = graph.poses[i] if edit.pose is None else np.array(edit.pose)
-        _tie(graph, 0, i, se2.between(graph.poses[0], pose), _PINNED)
+        is_earlier = (graph.kinds == EdgeKind.BY_HAND) & (graph.ends == (0, i)).all(axis=1)
+        graph.keep_edges(~is_earlier)
+        graph.add_edge(0, i, se2.between(graph.poses[0], pose), _PINNED, EdgeKind.BY_HAND)
     elif edit.do == "add":
         if i == j:
             raise InvalidArgumentError(f"a closure joins two keyframes, got {i} twice")
-        _tie(graph, i, j, np.array(edit.pose), np.reshape(edit.covariance or (), (3, 3)))
+        cov = np.reshape(edit.covariance or (), (3, 3))
+        graph.add_edge(i, j, np.array(edit.pose), cov, EdgeKind.BY_HAND)
     elif edit.do == "forbid":
         is_within = (graph.ends >= min(i, j)) & (graph.ends <= max(i, j))
-        graph.keep_edges(~(graph.is_closure & is_within.any(axis=1)))
+        graph.keep_edges((graph.kinds != EdgeKind.CLOSURE) | ~is_within.any(axis=1))
     else:
         is_gone = graph.is_closure & (np.sort(graph.ends, axis=1) == sorted((i, j))).all(axis=1)
         if not is_gone.any():
             raise InvalidArgumentError(f"there is no closure between keyframes {i} and {j}: `curvescan view` shows all")
         graph.keep_edges(~is_gone)
-
-
-def _tie(graph: PoseGraph, i: int, j: int, pose: Pose, covariance: Cov) -> None:
-    """Add a closure put in by hand, which keeps its weight."""
-    graph.add_edge(i, j, pose, covariance, EdgeKind.CLOSURE, least=1.0)
 
 
 def solved(slam_map: SlamMap, graph: PoseGraph) -> SlamMap:
@@ -114,7 +112,7 @@ def solved(slam_map: SlamMap, graph: PoseGraph) -> SlamMap:
     optimum = min(optima, key=lambda found: found.costs.sum())
     graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
     covariances = covariances_seen_from(graph, 0, NOISE)
-    return replace(slam_map, covariances=covariances, grid=None, **graph.arrays())
+    return remapped(slam_map, covariances=covariances, **graph.arrays())
 
 
 def ask_match(slam_map: SlamMap, i: int, j: int) -> tuple[MatchResult, Edit | None]:

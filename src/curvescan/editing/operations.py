@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import InvalidArgumentError, MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.grid_editing import Box, check_box, overlaid, wall_angle
 from curvescan.mapping.occupancy import OccupancyGrid
@@ -31,9 +33,19 @@ class Change:
     area: float  # of its cells, square metres
 
 
+def remapped(slam_map: SlamMap, **fields: Any) -> SlamMap:
+    """Return a map with other fields; its occupancy, where it has one, is made anew of its keyframes."""
+    changed = replace(slam_map, grid=None, **fields)
+    if slam_map.grid is not None:
+        with suppress(MapTooLargeError):  # then without
+            return replace(changed, grid=changed.occupancy(slam_map.grid.config))
+    return changed
+
+
 def resampled(slam_map: SlamMap, resolution: float) -> SlamMap:
     """Return a map with the occupancy of its keyframes in other cells, metres."""
-    return replace(slam_map, grid=slam_map.occupancy(OccupancyConfig(resolution=resolution)))
+    config = OccupancyConfig() if slam_map.grid is None else slam_map.grid.config
+    return replace(slam_map, grid=slam_map.occupancy(replace(config, resolution=resolution)))
 
 
 def turned(slam_map: SlamMap, angle: float) -> SlamMap:
@@ -41,7 +53,7 @@ def turned(slam_map: SlamMap, angle: float) -> SlamMap:
     turn = np.eye(3)
     turn[:2, :2] = se2.rotation(angle)
     poses = se2.compose(np.array([0.0, 0.0, angle]), slam_map.poses)
-    return replace(slam_map, poses=poses, covariances=turn @ slam_map.covariances @ turn.T, grid=None)
+    return remapped(slam_map, poses=poses, covariances=turn @ slam_map.covariances @ turn.T)
 
 
 def leveled(slam_map: SlamMap) -> SlamMap:
@@ -77,7 +89,7 @@ def part_of(slam_map: SlamMap, rows: Ints) -> SlamMap:
     graph.keep_poses(is_kept)
     of_poses = {n: getattr(slam_map, n)[rows] for n in ("covariances", "indices", "sessions")}
     scans = tuple(slam_map.scans[k] for k in rows.tolist())
-    return replace(slam_map, scans=scans, grid=None, **of_poses, **graph.arrays())
+    return remapped(slam_map, scans=scans, **of_poses, **graph.arrays())
 
 
 def _without_readings(slam_map: SlamMap, is_gone: Callable[[Points], Bools]) -> SlamMap:
@@ -85,7 +97,7 @@ def _without_readings(slam_map: SlamMap, is_gone: Callable[[Points], Bools]) -> 
     for scan, pose in zip(slam_map.scans, slam_map.poses, strict=True):
         gone = scan.valid & is_gone(se2.transform(pose, scan.points))
         scans.append(replace(scan, ranges=np.where(gone, np.nan, scan.ranges)) if gone.any() else scan)
-    return replace(slam_map, scans=tuple(scans), grid=None)
+    return remapped(slam_map, scans=tuple(scans))
 
 
 def map_points(slam_map: SlamMap) -> Points:

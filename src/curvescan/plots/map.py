@@ -155,7 +155,7 @@ def draw_side_by_side(path: Path, log: Log, tracks: Mapping[str, Pose], truth: P
 
 def draw_graph(path: Path, slam_map: SlamMap, cells: Points, refused: Points, *, title: str) -> None:
     """Save the pose graph of a map as a picture. cells (k, 2); refused (c, 2): where matches contradict it."""
-    is_closure = np.asarray(slam_map.kinds == EdgeKind.CLOSURE)
+    is_closure = np.asarray(slam_map.kinds >= EdgeKind.CLOSURE)
     is_used = np.asarray(slam_map.weights > 0.5)
     sessions = np.asarray(slam_map.sessions)[slam_map.ends]
     closes = is_loop(slam_map.ends[:, 0], slam_map.ends[:, 1]) | (sessions[:, 0] != sessions[:, 1])

@@ -50,7 +50,7 @@ def describe_graph(slam: Slam, seconds_to_finish: float) -> dict[str, object]:
         "edges": {
             kind.name.lower(): int(np.count_nonzero(graph.kinds == kind))
             for kind in EdgeKind
-            if kind is not EdgeKind.CLOSURE
+            if kind < EdgeKind.CLOSURE
         },
         "closures_without_weight": int(np.count_nonzero(graph.is_closure & (graph.weights < 0.5))),
         "candidates": {outcome.name.lower(): outcomes[outcome] for outcome in ClosureOutcome},

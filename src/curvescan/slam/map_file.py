@@ -1,6 +1,6 @@
 """Map files (.csmap): a zip archive of NumPy arrays, as numpy.savez_compressed writes it, with a version.
 
-docs/slam.md lists the arrays. A reader refuses what is damaged or of a later version in one sentence; arrays that it
+docs/maps.md lists the arrays. A reader refuses what is damaged or of a later version in one sentence; arrays that it
 does not know are left aside, so that a later version may add some.
 """
 
@@ -16,7 +16,7 @@ from curvescan.io.arrays.npz_file import NpzFile
 from curvescan.io.files.lines import as_path
 from curvescan.io.files.output import output_file
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.mapping.occupancy import OccupancyGrid
+from curvescan.mapping.occupancy import MAX_BYTES, OccupancyGrid
 from curvescan.scan import LaserScan
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Cov, Floats
@@ -38,6 +38,7 @@ _OF_EDGES = {"edge_ends": (2,), "edge_poses": (3,), "edge_covariances": (6,), "e
 """The shape of a row of each array that has one a keyframe, or one an edge."""
 
 _REQUIRED = (*_OF_KEYFRAMES, *_OF_EDGES, "csmap_version", "ranges", "angles")
+_TYPES = {"grid_log_odds": np.float32, "grid_origin": np.float64, "grid_config": np.float64}  # of what may be missing
 
 
 def write_map_file(path: str | os.PathLike[str], slam_map: SlamMap) -> None:
@@ -81,7 +82,9 @@ def read_map_file(path: str | os.PathLike[str]) -> dict[str, Any]:
         )
         raise LogFileError(f"map {path} {what}")
     with path.open("rb") as opened:
-        file = NpzFile(path) if opened.read(2) == b"PK" else None  # of the zip archive that it is
+        is_zip = opened.read(2) == b"PK"
+    # what no scan has seen packs to nothing
+    file = NpzFile(path, names=(*_REQUIRED, *_TYPES), most_bytes=MAX_BYTES) if is_zip else None
     if file is None or "csmap_version" not in file.headers:
         raise LogFormatError(
             f"{path} is not a map that curvescan saved: give the map.csmap of `curvescan slam`; to localize, and for "
@@ -93,7 +96,7 @@ def read_map_file(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise LogFormatError(f"{path} is a map of version {str(version)[1:-1]}: {last}")
     if missing := [name for name in _REQUIRED if name not in file.headers]:
         raise LogFormatError(f"map {path} is damaged: {', '.join(missing)} missing")
-    arrays = {name: file.read(name) for name in file.headers}
+    arrays = {name: file.read(name, _TYPES.get(name, np.float64)) for name in file.headers}
     try:
         return _map_of(arrays)
     except (InvalidArgumentError, ValueError, LookupError, TypeError, OverflowError) as error:
@@ -108,12 +111,15 @@ def _map_of(arrays: dict[str, Floats]) -> dict[str, Any]:
                 raise ValueError(f"{name} must have shape {(n, *row)}, got {arrays[name].shape}")
             if name != "setups" and not np.isfinite(arrays[name]).all():
                 raise ValueError(f"{name} must be finite")
-    ends = arrays["edge_ends"].astype(np.int64)
+    ends, edge_covariances = arrays["edge_ends"].astype(np.int64), _full(arrays["edge_covariances"])
     if not ((ends >= 0) & (ends < sizes[0])).all() or (ends[:, 0] == ends[:, 1]).any():
         raise ValueError("an edge joins keyframes that are not there")
-    kinds = arrays["edge_kinds"].astype(np.int64)
+    if not ((arrays["edge_weights"] >= 0.0) & (arrays["edge_weights"] <= 1.0)).all():
+        raise ValueError("edge_weights must lie in [0, 1]")
+    if sizes[1] and np.linalg.eigvalsh(edge_covariances)[:, 0].min() <= 0.0:
+        raise ValueError("edge_covariances must be positive definite")
     # maps were saved with edges of the wheels alone, beside those of the same steps
-    used = np.isin(kinds, [*EdgeKind])
+    used = np.isin(kinds := arrays["edge_kinds"].astype(np.int64), [*EdgeKind])
     return {
         "scans": _scans_of(arrays),
         "poses": arrays["poses"],
@@ -122,7 +128,7 @@ def _map_of(arrays: dict[str, Floats]) -> dict[str, Any]:
         "sessions": arrays["sessions"].astype(np.int64),
         "ends": ends[used],
         "measured": arrays["edge_poses"][used],
-        "edge_covariances": _full(arrays["edge_covariances"][used]),
+        "edge_covariances": edge_covariances[used],
         "kinds": kinds[used],
         "weights": arrays["edge_weights"][used],
         "grid": _grid_of(arrays),
@@ -140,10 +146,11 @@ def _scans_of(arrays: dict[str, Floats]) -> tuple[LaserScan, ...]:
     all_angles = iter(np.split(arrays["angles"], np.cumsum(n_beams[is_uneven])))
     scans = []
     for stamp, ranges, setup in zip(arrays["stamps"].tolist(), all_ranges, arrays["setups"].tolist(), strict=True):
-        angle_min, angle_increment, range_min, range_max, uneven = setup
-        even = {"angle_min": angle_min, "angle_increment": angle_increment}
-        angles: dict[str, Any] = {"angles": next(all_angles)} if uneven else even
-        scans.append(LaserScan(ranges, range_min=range_min, range_max=range_max, stamp=stamp, **angles))
+        first, step, range_min, range_max, uneven = setup
+        angles = {"angles": next(all_angles)} if uneven else {"angle_min": first, "angle_increment": step}
+        # a reading at a limit was rounded to float32
+        low, high = min(range_min, float(np.float32(range_min))), max(range_max, float(np.float32(range_max)))
+        scans.append(LaserScan(ranges, range_min=low, range_max=high, stamp=stamp, **angles))
     return tuple(scans)
 
 
@@ -152,12 +159,10 @@ def _grid_of(arrays: dict[str, Floats]) -> OccupancyGrid | None:
         return None
     values = dict(zip(_GRID, arrays["grid_config"].tolist(), strict=True))
     is_clear = bool(values.pop("clear_no_return"))
-    log_odds = arrays["grid_log_odds"].astype(np.float32)
-    if log_odds.ndim != 2 or arrays["grid_origin"].shape != (2,):
-        raise ValueError("its occupancy grid has no rows and columns")
-    return OccupancyGrid(
-        log_odds=log_odds, origin=arrays["grid_origin"], config=OccupancyConfig(clear_no_return=is_clear, **values)
-    )
+    log_odds, origin = np.asarray(arrays["grid_log_odds"], np.float32), arrays["grid_origin"]
+    if log_odds.ndim != 2 or origin.shape != (2,) or not (np.isfinite(origin).all() and np.isfinite(log_odds).all()):
+        raise ValueError("its occupancy grid must have rows and columns of finite numbers")
+    return OccupancyGrid(log_odds=log_odds, origin=origin, config=OccupancyConfig(clear_no_return=is_clear, **values))
 
 
 def _full(rows: Floats) -> Cov:

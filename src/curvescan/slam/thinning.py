@@ -97,7 +97,7 @@ def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[Tie, Tie]:
     seen = {row: _other_end(graph, row, v) for row in rows.tolist()}
     other, other_seen = seen[tie]
     from_other = inverse(other_seen)
-    steps = [row for row in seen if graph.kinds[row] != EdgeKind.CLOSURE]
+    steps = [row for row in seen if not graph.is_closure[row]]
     before, after = ([row for row in steps if (seen[row][0] < v) is is_before] for is_before in (True, False))
     if before and after:
         (i, a), (j, b) = seen[before[-1]], seen[after[0]]
@@ -106,11 +106,11 @@ def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[Tie, Tie]:
         graph.add_edge(i, j, step.pose, step.covariance, kind, float(min(graph.weights[ends])))
     tied = set(graph.ends[_edges_at(graph, other)].ravel().tolist())  # and the representative itself
     for row, (u, edge) in seen.items():
-        if graph.kinds[row] == EdgeKind.CLOSURE and graph.is_followed[row] and u not in tied:
+        if graph.is_closure[row] and graph.is_followed[row] and u not in tied:
             tied.add(u)
             moved = compose(from_other, edge)
             moved = inverse(moved) if other > u else moved
-            graph.add_edge(min(other, u), max(other, u), moved.pose, moved.covariance, EdgeKind.CLOSURE)
+            graph.add_edge(min(other, u), max(other, u), moved.pose, moved.covariance, graph.kinds[row])
     graph.keep_edges(~np.isin(np.arange(len(graph.ends)), rows))
     i, edge = seen[before[-1] if before else tie]
     return Tie(other, from_other), Tie(i, inverse(edge))

@@ -13,15 +13,15 @@ import warnings
 import weakref
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 from numpy.lib import format as npy
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.io.files.lines import is_packed, printable, unpack, unpacked_limit
@@ -52,26 +52,32 @@ class NpyHeader:
 
 
 class NpzFile:
-    """The arrays of an .npz file; no file stays open between the readings. Raises LogFileError, LogFormatError."""
+    """The arrays of an .npz file; no file stays open between the readings. Raises LogFileError, LogFormatError.
 
-    def __init__(self, path: Path) -> None:
+    names: of the arrays that are looked at, None for all; most_bytes: they may unpack to, however small the file is.
+    """
+
+    def __init__(self, path: Path, *, names: Collection[str] | None = None, most_bytes: int = 0) -> None:
         self.path = path
+        self._names, self._most_bytes = names, most_bytes
         self._file = self._unpacked(path)
         self.n_given = path.stat().st_size  # bytes
         self.headers: dict[str, NpyHeader] = {}
         with self._opened() as archive:
-            self._check_members(archive)
-            for info in archive.infolist():
+            for info in self._members(archive):
                 with archive.open(info) as member:
                     name = info.filename.removesuffix(".npy")
                     self.headers[name] = self._header(member, name, info.file_size)
 
-    def read(self, name: str) -> Floats:
-        """Return a whole array as float64, in its own shape."""
+    def read(self, name: str, dtype: DTypeLike = np.float64) -> NDArray[Any]:
+        """Return a whole array, in its own shape."""
         header = self.headers[name]
-        blocks = list(self.blocks(name))
-        values = np.concatenate(blocks) if blocks else np.empty(0)
-        return values.reshape(header.shape)
+        values = np.empty(header.shape, dtype)
+        rows, first = values.reshape(header.shape or 1), 0
+        for block in self.blocks(name):
+            rows[first : first + len(block)] = block
+            first += len(block)
+        return values
 
     def blocks(self, name: str) -> Iterator[Floats]:
         """Yield the rows of an array as float64, at most a MiB at once; one in Fortran's order is read whole."""
@@ -107,7 +113,7 @@ class NpzFile:
                 member.seek(header.n_bytes + i * n_bytes)
             return self._values(self._read(member, n_bytes), header.dtype)
 
-    def _check_members(self, archive: zipfile.ZipFile) -> None:
+    def _members(self, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
         members = archive.infolist()
         if len(members) > _MAX_MEMBERS:
             raise self._unreadable(f"it holds {len(members):,} files, an .npz of scans a dozen")
@@ -119,12 +125,15 @@ class NpzFile:
                 raise self._unreadable(f"array {name[:40]!r} is packed in another way than NumPy does")
         if len({info.filename for info in members}) < len(members):
             raise self._unreadable("two arrays have the same name")
-        limit = unpacked_limit(self._file)
+        if self._names is not None:
+            members = [info for info in members if info.filename.removesuffix(".npy") in self._names]
+        limit = max(unpacked_limit(self._file), self._most_bytes)
         if sum(info.file_size for info in members) > limit:
             raise self._unreadable(
                 f"it unpacks to more than {limit >> 20:,} MiB, too much for a log of its size: if it is sound, save it "
                 "with numpy.savez"
             )
+        return members
 
     def _header(self, member: IO[bytes], name: str, file_size: int) -> NpyHeader:
         """Return the header of an array as NumPy reads it, having compared it with the bytes that are there."""

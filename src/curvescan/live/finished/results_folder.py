@@ -135,7 +135,7 @@ def describe_map(
     numbers (k,); scan_of: scan of a keyframe by its number; path (n, 3) poses of the scans.
     """
     row_of = {int(number): row for row, number in enumerate(numbers.tolist())}
-    is_closure = slam_map.kinds == EdgeKind.CLOSURE
+    is_closure = slam_map.kinds >= EdgeKind.CLOSURE
     weight_of = {
         tuple(e): w for e, w in zip(slam_map.ends[is_closure].tolist(), slam_map.weights[is_closure], strict=True)
     }

@@ -21,6 +21,8 @@ class EdgeKind(IntEnum):
     """A step by the odometry, alone or along what the match leaves open."""
     CLOSURE = 3
     """A loop closure: a match of keyframes that do not follow each other."""
+    BY_HAND = 4
+    """A closure put in by hand, or a pinned keyframe: it keeps its weight."""
 
 
 _MOST_SPREAD = 1.0
@@ -34,11 +36,11 @@ def is_whole(covariances: Cov) -> Bools:
 
 _EDGE = np.dtype([
     ("ends", np.int64, 2), ("measured", np.float64, 3), ("covariance", np.float64, (3, 3)),
-    ("kind", np.int64), ("weight", np.float64), ("least", np.float64),
+    ("kind", np.int64), ("weight", np.float64),
 ])  # fmt: skip
 
-_LEAST_STEP = 1e-4
-"""Weight that a step keeps however far it is off: a slip bends the graph, and does not break it."""
+_LEAST_WEIGHTS = np.array([1e-4, 1e-4, 0.0, 0.0, 1.0])
+"""Weight that an edge of each kind keeps however far it is off: a slip bends the graph, and does not break it."""
 
 
 class PoseGraph:
@@ -84,8 +86,8 @@ class PoseGraph:
 
     @property
     def least_weights(self) -> Floats:
-        """(n_edges,): weight that each edge keeps: a closure none, a step a little."""
-        return self._edges.array["least"]
+        """(n_edges,): weight that each edge keeps: a closure none, a step a little, what was put in by hand all."""
+        return np.asarray(_LEAST_WEIGHTS[self.kinds])
 
     @property
     def is_followed(self) -> Bools:
@@ -95,24 +97,17 @@ class PoseGraph:
     @property
     def is_closure(self) -> Bools:
         """(n_edges,): whether each edge is a loop closure."""
-        return np.asarray(self.kinds == EdgeKind.CLOSURE)
+        return np.asarray(self.kinds >= EdgeKind.CLOSURE)
 
     def add_pose(self, pose: Pose) -> None:
         """Append a pose."""
         self._poses.append(pose)
 
-    def add_edge(
-        self, i: int, j: int, pose: Pose, covariance: Cov, kind: int, weight: float = 1.0, least: float | None = None
-    ) -> None:
-        """Append an edge: the measured pose (3,) of j in the frame of i and its covariance (3, 3).
-
-        kind: An EdgeKind; least: Weight that it keeps; None for what the kind keeps.
-        """
+    def add_edge(self, i: int, j: int, pose: Pose, covariance: Cov, kind: int, weight: float = 1.0) -> None:
+        """Append an edge: the measured pose (3,) of j in the frame of i, its covariance (3, 3), and its EdgeKind."""
         if i == j or not (0 <= i < self.n_poses and 0 <= j < self.n_poses):
             raise InvalidArgumentError(f"an edge joins two poses of the graph's {self.n_poses}, got {i} and {j}")
-        if least is None:
-            least = 0.0 if kind == EdgeKind.CLOSURE else _LEAST_STEP
-        self._edges.append(((i, j), pose, covariance, kind, weight, least))
+        self._edges.append(((i, j), pose, covariance, kind, weight))
 
     def keep_poses(self, is_kept: Bools) -> None:
         """Remove poses that no edge ends on; the others keep their order and are counted anew."""
