@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from curvescan import InvalidArgumentError, LaserScan, Odometry, Slam, SourceError, read_log, run, simulate
+from curvescan import InvalidArgumentError, LaserScan, Odometry, Slam, SourceError, read_log, run, se2, simulate
 from curvescan.diagnostics.preparation import prepare_log
 from curvescan.diagnostics.verdict import judge
 from curvescan.engines import run_engine
@@ -31,6 +31,7 @@ from curvescan.live.live_map import LiveMap
 from curvescan.live.pipeline import finish
 from curvescan.live.sinks import WorkerSink
 from curvescan.live.sources import MendedSource
+from curvescan.simulation.sensing.sensors import SENSORS
 
 
 @pytest.fixture(scope="module")
@@ -375,6 +376,16 @@ def test_a_preview_is_the_first_scan_and_is_not_kept(log):
     run_live(LogSource(log, speed=0), Tracker(Odometry()), [other])
     other.close()
     assert viewer._picture.png == other._picture.png
+
+
+def test_the_sweeps_of_a_simulated_robot_are_bent_as_a_laser_that_turns_bends_them():
+    sensor = SENSORS["spinning-360"]
+    source = SimulatedSource(sensor=replace(sensor, time_increment=sensor.period / sensor.n_beams), n_scans=40, speed=0)
+    odometry, lap = Odometry(), source.lap()
+    poses = np.array([odometry.add(scan).pose for scan in source.scans()])
+    n = len(poses)
+    middle = se2.compose(lap[:n], se2.exp(0.5 * se2.log(se2.between(lap[:n], lap[1 : n + 1]))))  # of each sweep
+    assert np.hypot(*(poses - se2.between(middle[0], middle))[:, :2].T).max() < 0.015
 
 
 def test_what_a_source_begins_with():

@@ -172,11 +172,13 @@ class SimulatedSource(Paced):
         return drive_route(self.world, Drive(), self.sensor.period, rng)
 
     def _made(self) -> Iterator[LaserScan]:
-        from curvescan.simulation.recording import as_scan, observe
+        from curvescan.simulation.recording import as_scan, observe, sweep_velocities
 
         lap, period = self.lap(), self.sensor.period
         people = walk(self.world, lap, self._n_people, People(), period, child(self._seed, PEOPLE))
+        velocities = sweep_velocities(np.vstack((lap, lap[:1])), self.sensor)
         for k in itertools.count() if self._n_scans is None else range(self._n_scans):
             now = slice(k % len(lap), k % len(lap) + 1)
-            ranges, _, _ = observe(self.world, lap[now], self.sensor, people[now], child(self._seed, NOISE, k))
+            seed, moving = child(self._seed, NOISE, k), None if velocities is None else velocities[now]
+            ranges, _, _ = observe(self.world, lap[now], self.sensor, people[now], seed, velocities=moving)
             yield as_scan(ranges[0], self.sensor, k * period)

@@ -116,11 +116,7 @@ def simulate(
             truth = drive_route(world, drive, sensor.period, rng, n_scans)
     stamps: Floats = sensor.period * np.arange(len(truth), dtype=np.float64)
     circles = walk(world, truth, n_people, People(), sensor.period, child(seed, PEOPLE))
-    velocities = None
-    if sensor.time_increment:  # after each pose, in the sensor's own frame; after the last as before it
-        steps = se2.log(se2.between(truth[:-1], truth[1:])) / sensor.period
-        velocities = np.vstack([steps, steps[-1:] if len(steps) else np.zeros((1, 3))])
-    ranges, exact, is_person = observe(world, truth, sensor, circles, seed, velocities=velocities)
+    ranges, exact, is_person = observe(world, truth, sensor, circles, seed, velocities=sweep_velocities(truth, sensor))
     odometry = None
     if odometry_noise is not None:
         rng = np.random.default_rng(child(seed, ODOMETRY))
@@ -136,6 +132,17 @@ def simulate(
         is_person=is_person,
         people=circles,
     )
+
+
+def sweep_velocities(poses: Pose, sensor: Sensor) -> Floats | None:
+    """Return (n, 3) velocities after (n, 3) poses, after the last as before it; None where a sweep takes no time.
+
+    Metres, metres, radians a second, in the sensor's own frame.
+    """
+    if not sensor.time_increment:
+        return None
+    steps = se2.log(se2.between(poses[:-1], poses[1:])) / sensor.period
+    return np.vstack([steps, steps[-1:] if len(steps) else np.zeros((1, 3))])
 
 
 def observe(
