@@ -38,6 +38,7 @@ _SHORTEST, _LONGEST = 0.5, 1.5
 """Steps of the clock from one scan to the next, in usual steps: what jitters, and no scan was lost on the way."""
 
 _MOST_PERIODS = 3  # a step of more periods than this is a pause: how long the motion took is not known
+_TICK = 1e-9  # seconds: a clock that goes by less stands still
 _LEAP = 100  # a step of more periods than this is a leap of the clock
 
 
@@ -93,8 +94,8 @@ def predicted_velocity(motion: ArrayLike, seconds: float) -> Floats:
 
 def usual_period(stamps: Sequence[float], scan_time: float = 0.0) -> float:
     """Return the time between two scans of a clock that may stand still, go back, leap or jitter."""
-    forward = [after - before for before, after in pairwise(stamps) if after > before]
-    usual = scan_time if scan_time > 0.0 or not forward else median(forward)
+    forward = [after - before for before, after in pairwise(stamps) if after - before > _TICK]
+    usual = scan_time if scan_time > _TICK or not forward else median(forward)
     regular = [step for step in forward if _SHORTEST * usual <= step <= _LONGEST * usual]
     return sum(regular) / len(regular) if regular else usual
 

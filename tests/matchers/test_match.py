@@ -199,6 +199,8 @@ def test_wrong_arguments_are_named():
         (np.zeros(3), np.full((3, 3), math.nan), "and finite"),
         (np.zeros(3), np.eye(3) + np.triu(np.ones((3, 3)), 1), "must be symmetric"),
         (np.zeros(3), np.zeros((3, 3)), "must be positive definite"),
+        (np.zeros(3), 1e-300 * np.eye(3), "must be positive definite"),
+        (np.zeros(3), np.outer((1e8, 1.0, 1e8), (1e8, 1.0, 1e8)) + np.eye(3), "must be positive definite"),
     ):
         with pytest.raises(cs.InvalidArgumentError, match=message):
             cs.match(scan, scan, prior=cs.UncertainPose(pose, covariance))

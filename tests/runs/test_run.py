@@ -70,6 +70,9 @@ def test_a_run_says_what_is_wrong_with_its_arguments(log_file, tmp_path):
         cs.run(log_file, occupancy={"resolutio": 1.0})
     with pytest.raises(cs.InvalidArgumentError, match="unknown method"):
         cs.run(log_file, method="curvescam")
+    for n in (0, 1.5, True, "a", None):
+        with pytest.raises(cs.InvalidArgumentError, match="n_processes must be a whole number of at least 1"):
+            cs.run(log_file, n_processes=n)
     assert not (tmp_path / "o").exists()
 
 

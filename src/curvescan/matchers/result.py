@@ -49,10 +49,9 @@ def known_pose(prior: UncertainPose, name: str) -> UncertainPose:
     asymmetry = max(abs(numbers[i] - numbers[j]) for i, j in ((1, 3), (2, 6), (5, 7)))
     if asymmetry > _ASYMMETRY * max(*map(abs, numbers), _ASYMMETRY):
         raise InvalidArgumentError(f"{name}.covariance must be symmetric, got {prior.covariance!r}")
-    # the eigenvalues take ten times as long, and nearly every covariance is one
-    if not is_positive_definite(cov) and not (least := float(np.linalg.eigvalsh(cov)[0])) > 0.0:
+    if not is_positive_definite(cov):
         raise InvalidArgumentError(
-            f"{name}.covariance must be positive definite, its least eigenvalue is {least:g}: "
+            f"{name}.covariance must be positive definite, its least eigenvalue is {np.linalg.eigvalsh(cov)[0]:g}: "
             "where something is known exactly, give it a small variance"
         )
     return UncertainPose(pose, cov)

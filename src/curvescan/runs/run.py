@@ -177,8 +177,10 @@ def run(
         def new(deskew: bool) -> Slam:
             return Slam(method, matcher=matcher, config=_deskewing(slam_rules, deskew), map=begun)
 
+    n = options.get("n_processes", 2)
+    require(type(n) is int and n >= 1, "n_processes must be a whole number of at least 1", n)
     options["keeps_steps"] = options.get("keeps_steps", True) or takes_edges(exports)
-    options["n_processes"] = options.get("n_processes", 2) if engine == "slam" else 1
+    options["n_processes"] = n if engine == "slam" else 1
     result = _run(log, new, options, stage=_STAGES[engine], deskew=deskew, out=out, inputs=_files(map))
     if exports and out is not None:
         (options.get("display") or Silent()).begin("exporting", 0)

@@ -22,7 +22,7 @@ def wrap_angle(angle: float) -> float:
 
 
 _LEAST_VARIANCE = 1e-18  # square metres and radians: a nanometre and a nanoradian
-_LEAST_DETERMINANT = 1e-9  # of correlations: below it rounding decides
+_LEAST_DETERMINANT = 1e-13  # of correlations: below it rounding decides
 
 
 def identity() -> UncertainPose:
@@ -54,7 +54,7 @@ def fuse(one: UncertainPose, other: UncertainPose) -> tuple[UncertainPose, float
 def is_positive_definite(cov: Cov) -> bool:
     """Return whether a symmetric (3, 3) matrix is positive definite by more than rounding, from its correlations."""
     (xx, xy, xt), (_, yy, yt), (_, _, tt) = cov.tolist()
-    if not min(xx, yy, tt) > 0.0:
+    if not min(xx, yy, tt) >= _LEAST_VARIANCE:
         return False
     x, y, t = math.sqrt(xx), math.sqrt(yy), math.sqrt(tt)
     a, b, c = xy / (x * y), xt / (x * t), yt / (y * t)

@@ -46,8 +46,8 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
     shapes = {name: header.shape for name, header in file.headers.items()}
     if "csmap_version" in shapes:
         raise LogFormatError(
-            f"{file.path} is a saved map, not a log: localize a log in it (`curvescan localize LOG --map {file.path}`), "
-            "continue it (`curvescan slam LOG --map`), or draw and edit it (`curvescan map`)"
+            f"{file.path} is a saved map, not a log: localize a log in it (`curvescan localize LOG --map`), "
+            "continue it (`curvescan slam LOG --map`), or change it (`curvescan map`)"
         )
     for name in ("stamps", "ranges"):
         if name not in shapes:

@@ -68,8 +68,7 @@ def with_places_along(problem: Problem, poses: Floats, weakest: Pose) -> Floats:
     """Return the poses, and the best of those along the weakest direction of the first."""
     ref, cur, _, config, _ = problem
     n = round(config.hypotheses.along_reach / _FINE_STEP)
-    # outward: what lies near the first leaves little to compare of what lies far
-    offsets = np.array(sorted(range(-n, n + 1), key=abs)) * _FINE_STEP
+    offsets = np.arange(-n, n + 1) * _FINE_STEP
     moved_along = poses[0] + offsets[:, np.newaxis] * weakest
     moved_along = moved_along[np.abs(offsets * weakest[2]) < _MAX_TURN]
     return np.concatenate((poses, select(moved_along, ref.wide_image, cur.wide_image, *CLOSE, 4, 24, SAME)[0]))
