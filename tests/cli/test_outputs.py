@@ -16,7 +16,9 @@ import curvescan as cs
 from curvescan.cli.main import run
 from curvescan.io import write_log
 from curvescan.io.arrays.memory import MemoryLog
-from curvescan.mapping.map_server import read_map
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.map_server import read_map, write_map
+from curvescan.mapping.occupancy import OccupancyGrid
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +85,25 @@ def test_a_map_is_not_changed_in_the_folder_of_its_run(log, tmp_path, capsys):
     assert (out / "map.csmap").read_bytes() == before
     assert run(["map", str(out / "map.csmap"), "--turn", "nan", "--out", str(tmp_path / "turned")]) == 1
     assert "--turn must be finite degrees, got nan" in capsys.readouterr().err
+
+
+def test_a_map_is_not_changed_in_place_of_itself(tmp_path, capsys):
+    grid = OccupancyGrid(log_odds=np.ones((4, 5), np.float32), origin=np.zeros(2), config=OccupancyConfig())
+    write_map(tmp_path, grid)
+    (tmp_path / "floor.yaml").write_bytes((tmp_path / "map.yaml").read_bytes())
+    other = tmp_path / "other"
+    write_map(other, grid)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
+    for given in (
+        ["map.yaml"],
+        ["map.pgm"],
+        ["floor.yaml"],
+        ["other/map.yaml", "--compare", str(tmp_path / "map.yaml")],
+    ):
+        assert run(["map", str(tmp_path / given[0]), *given[1:], "--turn", "90", "--out", str(tmp_path)]) == 1
+        assert "has the name of a result, which would replace it" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
+    assert run(["map", str(other / "map.yaml"), "--turn", "90", "--out", str(tmp_path)]) == 0
 
 
 def test_the_occupancy_of_a_map_that_is_continued_shows_all_of_it(drive, tmp_path):

@@ -22,6 +22,7 @@ from curvescan.cli.commands.info import FormatName
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import WRITERS, MemoryLog, log_from_arrays, read_log, write_log
 from curvescan.io.log import Log, ScanAccess
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from tests.logs import assert_same_scan, assert_same_scans, rich_log, short
 
@@ -169,6 +170,18 @@ def test_carmen_with_gaps_in_the_odometry(tmp_path: Path) -> None:
     assert back.odometry is not None
     assert log.odometry is not None
     np.testing.assert_array_equal(back.odometry.poses, log.odometry.poses)
+
+
+def test_carmen_where_the_odometry_ends_and_begins_anew(tmp_path: Path) -> None:
+    scans = tuple(rich_log(n=7, digits=np.float64))
+    poses = np.array([[1.0, 2.0, 0.5]] * 7)
+    poses[[0, 2, 3, 6]] = np.nan
+    odometry = Trajectory(stamps=np.array([scan.stamp for scan in scans]), poses=poses)
+    write_log(tmp_path / "a.clf", MemoryLog(scans=scans, odometry=odometry))
+    back = read_log(tmp_path / "a.clf")
+    assert back.read_errors == ()
+    assert back.odometry is not None
+    np.testing.assert_array_equal(back.odometry.poses, poses)
 
 
 def test_carmen_to_the_bit_where_it_says_all(tmp_path: Path) -> None:

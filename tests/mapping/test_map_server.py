@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import math
+import time
 
 import numpy as np
 import pytest
 
-from curvescan import LaserScan
+from curvescan import LaserScan, _interrupts
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
+from curvescan.io.files.output import output_folder
+from curvescan.mapping import map_server
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import map_pixels, read_map, write_map
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
@@ -84,11 +88,46 @@ def test_the_top_row_of_the_picture_is_the_largest_y(tmp_path, grid):
     assert (grid.is_occupied[-1]).any()
 
 
-def test_a_map_without_cells_and_a_folder_that_is_not_there_are_told(tmp_path, grid):
+def test_a_map_without_cells_and_a_place_that_is_no_folder_are_told(tmp_path, grid):
     with pytest.raises(InvalidArgumentError, match="at least one cell"):
         write_map(tmp_path, OccupancyBuilder().grid())
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="is a file"):
+        write_map(tmp_path / "file", grid)
     with pytest.raises(OutputError, match="cannot write"):
-        write_map(tmp_path / "missing", grid)
+        write_map(tmp_path, grid, "a\0b")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_disk_that_is_full_leaves_the_old_map(tmp_path, grid, monkeypatch):
+    write_map(tmp_path, grid)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+    def full(_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(map_server, "map_pixels", full)
+    with pytest.raises(OutputError, match="make room"):
+        write_map(tmp_path, grid)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_map_is_written_as_part_of_a_larger_result(tmp_path, grid, monkeypatch):
+    monkeypatch.setattr(_interrupts, "_sentences", [_interrupts.NOTHING_WRITTEN])
+    with output_folder(tmp_path / "out") as folder:
+        write_map(folder, grid)
+        assert {path.name for path in folder.iterdir()} == {"map.pgm", "map.yaml"}
+        assert _interrupts._sentences == [_interrupts.NOTHING_WRITTEN]
+    assert str(tmp_path / "out") in _interrupts._sentences[0]
+    np.testing.assert_array_equal(read_map(tmp_path / "out" / "map.yaml").is_free, grid.is_free)
+
+
+@pytest.mark.parametrize("name", ["floor #2", "a: b", '"q"', "it's", "[x]", "floor/2"])
+def test_any_name_of_a_map_is_read_back(tmp_path, grid, name):
+    write_map(tmp_path, grid, name)
+    path = tmp_path / f"{name}.yaml"
+    assert yaml.safe_load(path.read_text())["image"] == f"{path.stem}.pgm"
+    np.testing.assert_array_equal(read_map(path).is_occupied, grid.is_occupied)
 
 
 @pytest.mark.parametrize("n_most", [800, 10])
@@ -163,7 +202,15 @@ def test_a_picture_of_16_bits_is_scaled(tmp_path):
     [
         ((b"P5", b"P9"), "map.pgm is neither a PGM"),
         ((b"trinary", b"raw"), "mode must be trinary or scale, got raw"),
-        ((b"5 4", b"5 5"), "cut short"),
+        ((b"5 4", b"5 5"), "a byte for each of 5 x 5 pixels, got 20"),
+        ((b"5 4", b"5 3"), "a byte for each of 5 x 3 pixels, got 20"),
+        ((b"255\n", b"255\r\n"), "a byte for each of 5 x 4 pixels, got 21"),
+        ((b"[0, 0, 0.0]", b"[0, nan, 0.0]"), "origin must be 3 finite numbers"),
+        ((b"[0, 0, 0.0]", b"[0, 0, -inf]"), "origin must be 3 finite numbers"),
+        ((b"[0, 0, 0.0]", b"[0, 0]"), "origin must be 3 finite numbers"),
+        ((b"0.65", b"nan"), "occupied_thresh must be 1 finite number"),
+        ((b"negate: 0", b"negate: maybe"), "negate must be 0 or 1, got 'maybe'"),
+        ((b"image", b"#" * (1 << 16) + b"\nimage"), "it is longer than 64 KiB"),
         ((b"resolution", b"solution"), "it has no resolution"),
     ],
 )
@@ -176,6 +223,67 @@ def test_a_map_that_cannot_be_read_is_refused(tmp_path, change, message):
         read_map(tmp_path / "map.yaml")
     with pytest.raises(LogFileError):
         read_map(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        (b"image: ", b"\xef\xbb\xbfimage: "),
+        (b"\n", b"\r\n"),
+        (b"[1, 2,", b"[1,  # two lines\n  2,"),
+        (b"[1, 2, 0.0]", b"\n  - 1\n  # y\n\n  - 2\n  - 0.0"),
+        (b"0.196\n", b"0.196\n...\n"),
+        (b'"map.pgm"', b"'map.pgm'  # it's here"),
+    ],
+)
+def test_a_map_is_written_in_many_ways_of_yaml(tmp_path, change):
+    log_odds = np.array([[1.0, 0.0, -1.0]], dtype=np.float32)
+    write_map(tmp_path, OccupancyGrid(log_odds=log_odds, origin=np.array([1.0, 2.0]), config=OccupancyConfig()))
+    path = tmp_path / "map.yaml"
+    before = path.read_bytes()
+    path.write_bytes(before.replace(*change))
+    assert path.read_bytes() != before
+    grid = read_map(path)
+    np.testing.assert_array_equal(np.sign(grid.log_odds), log_odds)
+    assert grid.origin.tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("value", ["1", "yes", "True", "ON", "'true'"])
+def test_a_picture_that_is_negated_is_turned(tmp_path, value):
+    write_map(
+        tmp_path, OccupancyGrid(log_odds=np.ones((1, 2), np.float32), origin=np.zeros(2), config=OccupancyConfig())
+    )
+    path = tmp_path / "map.yaml"
+    path.write_text(path.read_text().replace("negate: 0", f"negate: {value}"))
+    assert read_map(path).is_free.all()
+
+
+@pytest.mark.parametrize("change", [(b"255\n", b"# by hand\n255\n"), (b"\xfe", b"\xfe\n")])
+def test_comments_and_a_last_newline_belong_to_a_picture(tmp_path, change):
+    log_odds = np.array([[1.0, 0.0], [0.0, -1.0]], dtype=np.float32)
+    write_map(tmp_path, OccupancyGrid(log_odds=log_odds[::-1], origin=np.zeros(2), config=OccupancyConfig()))
+    picture = tmp_path / "map.pgm"
+    picture.write_bytes(picture.read_bytes().replace(*change))
+    np.testing.assert_array_equal(np.sign(read_map(tmp_path / "map.yaml").log_odds), log_odds[::-1])
+
+
+@pytest.mark.parametrize(
+    ("name", "content"), [("map.pgm", b"P5\n" + 26 * b"# " + b"\nx"), ("map.yaml", 60_000 * b"\n" + b"image: none.pgm")]
+)
+def test_a_small_file_takes_little_time(tmp_path, grid, name, content):
+    write_map(tmp_path, grid)
+    (tmp_path / name).write_bytes(content)
+    begin = time.process_time()
+    with pytest.raises(LogFormatError):
+        read_map(tmp_path / "map.yaml")
+    assert time.process_time() - begin < 2.0  # seconds: the first picture loads Pillow
+
+
+def test_a_picture_that_breaks_off_is_told(tmp_path, grid):
+    write_map(tmp_path, grid)
+    (tmp_path / "map.pgm").write_bytes(b"P5\n6 4\n65535\n12345")
+    with pytest.raises(LogFormatError, match=r"map\.pgm is neither a PGM"):
+        read_map(tmp_path / "map.yaml")
 
 
 def test_a_map_that_is_none_is_told(tmp_path):

@@ -41,7 +41,7 @@ def occupancy(scans, poses, ignored, config):
         for beam, reading in enumerate(scan.ranges):
             angle = theta + scan.angle_min + beam * scan.angle_increment
             is_valid = scan.range_min <= reading <= scan.range_max and reading > 0
-            is_fully_observed = config.clear_no_return and reading == np.inf and math.isfinite(scan.range_max)
+            is_fully_observed = config.clear_no_return and reading == np.inf and scan.range_max <= 1e4
             if not is_valid and not is_fully_observed:
                 continue
             reach = reading if is_valid else scan.range_max

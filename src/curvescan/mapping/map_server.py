@@ -6,8 +6,11 @@ just above 0.196, so that it is unknown, but below the 0.25 that Nav2's own map_
 places come back as free. Hence 0.196 here.
 """
 
+import json
 import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,11 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
+from curvescan.io.files.lines import as_path
+from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.grid_editing import moved
 from curvescan.mapping.occupancy import OccupancyGrid
 
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254
+
+_MAX_YAML, _MAX_HEADER = 1 << 16, 1 << 12  # characters of a YAML file, bytes of a PGM's header
+_COMMENT = re.compile(r"""(?<!\S)(?:("(?:[^"\\\n]|\\.)*"|'[^'\n]*')|#.*)""")  # the group: a text, which may hold #
+_PGM = re.compile(rb"(?:\s|#[^\n]*\n)+".join((rb"P5", rb"(\d{1,9})", rb"(\d{1,9})", rb"255\s")))
+_BOOLS = dict.fromkeys(("0", "n", "no", "false", "off"), False) | dict.fromkeys(("1", "y", "yes", "true", "on"), True)
 
 _YAML = """\
 image: {image}
@@ -41,7 +51,7 @@ def map_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
 
 
 def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "map") -> None:
-    """Write a map as NAME.pgm and NAME.yaml into an existing folder.
+    """Write a map as NAME.pgm and NAME.yaml into a folder, both or none.
 
     Parameters
     ----------
@@ -67,42 +77,37 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
         raise InvalidArgumentError("a map must have at least one cell: no scan had a reading")
     n_rows, n_columns = grid.log_odds.shape
     x, y = grid.origin.tolist()
+    target = as_path(folder, "the folder of a map") / name
+    picture = f"{target.name}.pgm"
+    image = json.dumps(picture, ensure_ascii=False)  # YAML has its texts in quotes alike
     try:
-        with (Path(folder) / f"{name}.pgm").open("wb") as file:
-            file.write(b"P5\n%d %d\n255\n" % (n_columns, n_rows))
-            for row in range(n_rows - 1, -1, -1):  # a row at a time: the map is large
-                file.write(map_pixels(replace(grid, log_odds=grid.log_odds[row : row + 1])).data)
-        (Path(folder) / f"{name}.yaml").write_text(
-            _YAML.format(image=f"{name}.pgm", resolution=grid.resolution, x=x, y=y), encoding="utf-8", newline="\n"
-        )
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise OutputError(f"cannot write {name}.pgm and {name}.yaml into the folder {folder}: {reason}") from error
+        with output_folder(target.parent) as new:
+            with (new / picture).open("wb") as file:
+                file.write(b"P5\n%d %d\n255\n" % (n_columns, n_rows))
+                for row in range(n_rows - 1, -1, -1):  # a row at a time: the map is large
+                    file.write(map_pixels(replace(grid, log_odds=grid.log_odds[row : row + 1])).data)
+            text = _YAML.format(image=image, resolution=grid.resolution, x=x, y=y)
+            (new / f"{target.name}.yaml").write_text(text, encoding="utf-8", newline="\n")
+    except ValueError as error:  # of a name that is none
+        raise OutputError(f"cannot write {name!r} into the folder {folder}: {error}") from error
 
 
 def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
     """Return a map of map_server: what its thresholds call occupied and free, as sure as a grid can be."""
     path = Path(path)
-    try:
-        # a list may stand on lines of its own
-        text = re.sub(r"\n\s*-\s+", ", ", re.sub(r"\s#.*|^#.*", "", path.read_text("utf-8"), flags=re.MULTILINE))
-        lines = (line.partition(":") for line in text.splitlines())
-        values = {key.strip(): value.strip(" ,'\"") for key, _, value in lines}
-        x, y, yaw = (float(v) for v in values["origin"].strip("[]").split(","))
-        pixels = _pixels(path.parent / values["image"])
-        if values.get("mode", "trinary") not in ("trinary", "scale"):
-            raise ValueError(f"mode must be trinary or scale, got {values['mode']}: save it anew")
-        is_dark = values.get("negate", "0").lower() not in ("1", "true")
-        share = (255.0 - pixels if is_dark else pixels) / 255.0
-        is_occupied = share > float(values.get("occupied_thresh", "0.65"))
-        is_free = share < float(values.get("free_thresh", "0.196"))
-        config = OccupancyConfig(resolution=float(values["resolution"]))
-    except OSError as error:
-        raise LogFileError(f"map {path} cannot be read: {error.filename}: {error.strerror or error}") from error
-    except KeyError as error:
-        raise LogFormatError(f"{path} is no map of map_server that can be read: it has no {error.args[0]}") from error
-    except ValueError as error:
-        raise LogFormatError(f"{path} is no map of map_server that can be read: {error}") from error
+    with _reading(path):
+        fields = _fields(path)
+        x, y, yaw = _numbers("origin", fields["origin"], 3)
+        pixels = _pixels(path.parent / fields["image"])
+        if fields.get("mode", "trinary") not in ("trinary", "scale"):
+            raise ValueError(f"mode must be trinary or scale, got {fields['mode']}: save it anew")
+        is_light = _BOOLS.get(fields.get("negate", "0").lower())
+        if is_light is None:
+            raise ValueError(f"negate must be 0 or 1, got {fields['negate']!r:.80}")
+        share = (pixels if is_light else 255.0 - pixels) / 255.0
+        is_occupied = share > _numbers("occupied_thresh", fields.get("occupied_thresh", "0.65"))[0]
+        is_free = share < _numbers("free_thresh", fields.get("free_thresh", "0.196"))[0]
+        config = OccupancyConfig(resolution=float(fields["resolution"]))
     surest = np.log([config.highest / (1.0 - config.highest), config.lowest / (1.0 - config.lowest)])
     log_odds = np.where(is_occupied, surest[0], np.where(is_free, surest[1], 0.0)).astype(np.float32)
     log_odds = np.ascontiguousarray(log_odds[::-1])
@@ -111,21 +116,67 @@ def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
     return moved(OccupancyGrid(log_odds=log_odds, origin=np.zeros(2), config=config), (x, y, yaw))
 
 
+def picture_of(path: Path) -> Path:
+    """Return the picture that the YAML file of a map names."""
+    with _reading(path):
+        return path.parent / _fields(path)["image"]
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Say as a LogFileError or LogFormatError why a map cannot be read."""
+    try:
+        yield
+    except OSError as error:
+        raise LogFileError(f"map {path} cannot be read: {error.filename}: {error.strerror or error}") from error
+    except KeyError as error:
+        raise LogFormatError(f"{path} is no map of map_server that can be read: it has no {error.args[0]}") from error
+    except ValueError as error:
+        raise LogFormatError(f"{path} is no map of map_server that can be read: {error}") from error
+
+
+def _fields(path: Path) -> dict[str, str]:
+    """Return the values of a YAML file by their names, as text; a list may go on over several lines."""
+    with path.open(encoding="utf-8-sig") as file:
+        text = file.read(_MAX_YAML + 1)
+    if len(text) > _MAX_YAML:
+        raise ValueError(f"it is longer than {_MAX_YAML >> 10} KiB")
+    fields, name = {"": ""}, ""
+    for line in _COMMENT.sub(r"\1", text).split("\n"):
+        key, colon, value = line.partition(":")
+        if colon:
+            name = key.strip()
+            fields[name] = value.strip()
+        elif line.startswith((" ", "\t", "- ")):
+            fields[name] += " " + line.strip().removeprefix("- ")
+    values = {name: value.strip() for name, value in fields.items()}
+    return {name: json.loads(text) if text[:1] == '"' else text.strip("'") for name, text in values.items()}
+
+
+def _numbers(name: str, text: str, n: int = 1) -> list[float]:
+    numbers = [float(number) for number in text.strip("[]").replace(",", " ").split()]
+    if len(numbers) != n or not np.isfinite(numbers).all():
+        raise ValueError(f"{name} must be {n} finite number{'s' * (n > 1)}, got {text!r:.80}")
+    return numbers
+
+
 def _pixels(path: Path) -> NDArray[np.uint8]:
     """Return the grey values of a picture, a PGM or what Pillow reads; colours are averaged, as map_server does."""
     data = path.read_bytes()
-    header = re.match(rb"P5\s+(?:#[^\n]*\s+)*(\d+)\s+(\d+)\s+(\d+)\s", data)
-    if header is None or int(header[3]) != 255:
-        from PIL import Image, UnidentifiedImageError  # a map is read as PGM, mostly
+    header = _PGM.match(data, 0, _MAX_HEADER)
+    if header is None:
+        from PIL import Image  # a map is read as PGM, mostly
 
         try:
             with Image.open(path) as picture:
                 if picture.mode.startswith("I"):  # of 16 bits
                     return np.asarray(np.asarray(picture) // 257, dtype=np.uint8)
                 return np.asarray(np.asarray(picture.convert("RGB")).mean(axis=2), dtype=np.uint8)
-        except (UnidentifiedImageError, Image.DecompressionBombError):
+        except (OSError, Image.DecompressionBombError):
             raise ValueError(f"its picture {path.name} is neither a PGM (P5) nor any other that can be read") from None
     n_columns, n_rows = int(header[1]), int(header[2])
-    if len(data) - header.end() != n_columns * n_rows or not n_columns * n_rows:
-        raise ValueError("its picture is cut short")
-    return np.frombuffer(data, np.uint8, offset=header.end()).reshape(n_rows, n_columns)
+    n, beyond = n_columns * n_rows, header.end() + n_columns * n_rows
+    if not n or len(data) < beyond or data[beyond:].strip():
+        got = len(data) - header.end()
+        raise ValueError(f"its picture must have a byte for each of {n_columns} x {n_rows} pixels, got {got}")
+    return np.frombuffer(data, np.uint8, n, header.end()).reshape(n_rows, n_columns)

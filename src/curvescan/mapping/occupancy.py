@@ -130,7 +130,7 @@ class OccupancyBuilder:
         """Enter a scan.
 
         A valid reading marks a hit where it ends and clears the cells before it. A beam without a return (+inf) clears
-        the cells up to a finite range_max. Other readings change nothing.
+        the cells up to range_max, which says nothing beyond 10 km. Other readings change nothing.
 
         Parameters
         ----------
@@ -158,7 +158,7 @@ class OccupancyBuilder:
             raise InvalidArgumentError(f"pose must be three numbers [x, y, theta], got {pose!r:.80}") from None
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
             return
-        sees_free = self.config.clear_no_return and math.isfinite(scan.range_max)
+        sees_free = self.config.clear_no_return and scan.range_max == scan.valid_range[1]
         is_fully_observed = (scan.ranges == math.inf) & sees_free
         used = np.flatnonzero(scan.valid | is_fully_observed)
         reach = np.where(scan.valid, scan.ranges, scan.range_max)[used]

@@ -43,8 +43,9 @@ if TYPE_CHECKING:
 RUN_RECORD = "run.json"
 _N_BLOCKS = 700  # of cells along a picture of the occupancy map, at most: pixels
 
-_NAMES = {VIEW_FILE, "trajectory.csv", "closures.csv", *(export.filename for export in EXPORTS.values())}
-"""Names of results that a log may have."""
+_NAMES = {VIEW_FILE, "trajectory.csv", "closures.csv", "map.csmap", "map.pgm", "map.yaml"}
+_NAMES |= {export.filename for export in EXPORTS.values()}
+"""Names of results that a log or a map may have."""
 
 
 def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -> RunMaps:
@@ -170,7 +171,7 @@ def describe_run(run: Run, maps: RunMaps) -> dict[str, object]:
 
 
 def check_kept(source: Path, out: Path) -> None:
-    """Raise OutputError where a result would take the place of the log that it is made of."""
+    """Raise OutputError where a result would take the place of the log or map that it is made of."""
     named = out / source.name
     if source.name in _NAMES and source.exists() and named.exists() and named.samefile(source):
         raise OutputError(

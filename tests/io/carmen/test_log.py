@@ -15,6 +15,7 @@ from curvescan.errors import CurvescanError, LogFileError, LogFormatError
 from curvescan.io.carmen.lines import flaser_angle_increment
 from curvescan.io.carmen.log import CarmenLog
 from curvescan.io.files.lines import ReadError
+from curvescan.io.reading import read_log
 from tests.carmen_files import RANGES, configured, flaser, odom, write
 
 
@@ -131,6 +132,15 @@ def test_crlf_blank_lines_indents_and_missing_last_newline(tmp_path: Path) -> No
     assert [scan.stamp for scan in log] == [1000.25, 2.0]
     assert log.read_errors == ()
     assert log.tag_counts == {"#": 1, "FLASER": 2}
+
+
+@pytest.mark.parametrize("end", ["\n", ""])
+def test_a_byte_order_mark_costs_no_scan(tmp_path: Path, end: str) -> None:
+    path = tmp_path / "a.log"
+    path.write_bytes(b"\xef\xbb\xbf" + (flaser().strip() + end).encode())
+    log = read_log(path)
+    assert log.tag_counts == {"FLASER": 1}
+    np.testing.assert_array_equal(log[0].ranges, next(iter(log)).ranges)
 
 
 def test_iteration_starts_anew_each_time(tmp_path: Path) -> None:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import gzip
+
 import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan.io.trajectories.layouts import CSV_HEADER
+
+NAMES = ("t.tum", "t.csv", "t.kitti")
 
 
 def some_trajectory(n=7, *, covariances=True):
@@ -102,11 +107,29 @@ def test_the_results_of_a_run_stand_for_their_trajectory(tmp_path):
         cs.Trajectory.read(tmp_path)
 
 
-@pytest.mark.parametrize("text", ["", "\n\n"])
+@pytest.mark.parametrize("text", ["", "\n\n", ",".join(CSV_HEADER) + "\n", "stamp,x,y,theta\n"])
 def test_an_empty_file_is_no_trajectory(tmp_path, text):
     (tmp_path / "t.csv").write_text(text)
     with pytest.raises(cs.LogFormatError, match="is empty"):
         cs.Trajectory.read(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_byte_order_mark_is_no_part_of_a_trajectory(tmp_path, name):
+    given = cs.Trajectory(stamps=np.arange(2.0), poses=np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 0.5]]))
+    given.write(tmp_path / name)
+    before = cs.Trajectory.read(tmp_path / name)
+    (tmp_path / name).write_bytes(b"\xef\xbb\xbf" + (tmp_path / name).read_bytes())
+    assert cs.Trajectory.read(tmp_path / name) == before
+    assert cs.io.read_poses(tmp_path / name).is_of_sensor == (name == "t.csv")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_trajectory_that_is_packed_is_told(tmp_path, name):
+    cs.Trajectory(stamps=np.arange(2.0), poses=np.zeros((2, 3))).write(tmp_path / name)
+    (tmp_path / "packed").write_bytes(gzip.compress((tmp_path / name).read_bytes()))
+    with pytest.raises(cs.LogFormatError, match="compressed with gzip and not a log: unpack it first"):
+        cs.Trajectory.read(tmp_path / "packed")
 
 
 def test_trajectories_are_compared_by_their_numbers():

@@ -100,10 +100,8 @@ def edit_map(
     from curvescan.slam.localization.grid_map import opened
 
     out = results_folder(out, file, "map")
-    if (out / "trajectory.csv").exists():
-        raise OutputError(
-            f"{out} holds a run, whose other results would not fit the map any more: choose another folder"
-        )
+    inputs = [path for path in (file, changes.merge, compare) if path is not None]
+    _check_place(out, inputs)
     edited = changes.changed(opened(file))
     if export and not _has_keyframes(edited):
         raise InvalidArgumentError(
@@ -111,7 +109,6 @@ def edit_map(
             "of `curvescan slam`, or --points for the occupied cells"
         )
     found = None if compare is None else _compared(edited, opened(compare))
-    inputs = [path for path in (file, changes.merge, compare) if path is not None]
     with map_folder(out, edited, inputs=inputs) as folder:
         for name in points:
             write = {"ply": write_ply, "pcd": write_pcd}[name]
@@ -128,6 +125,21 @@ def edit_map(
         x0, y0, x1, y1 = change.box
         OUT.print(f"{change.kind}: {x1 - x0:.2f} m by {y1 - y0:.2f} m at {x0:.2f} {y0:.2f}")
     return 0
+
+
+def _check_place(out: Path, inputs: Sequence[Path]) -> None:
+    """Raise OutputError where a map would replace results of a run, or a map that it is made of."""
+    from curvescan.mapping.map_server import picture_of
+    from curvescan.runs.results import check_kept
+
+    if (out / "trajectory.csv").exists():
+        raise OutputError(
+            f"{out} holds a run, whose other results would not fit the map any more: choose another folder"
+        )
+    for path in inputs:
+        check_kept(path, out)
+        if path.suffix.lower() in (".yaml", ".yml"):
+            check_kept(picture_of(path), out)
 
 
 def _has_keyframes(given: AnyMap) -> TypeIs[SlamMap]:

@@ -84,10 +84,15 @@ def parse_flaser(line: bytes) -> ScanRecord:
 
 
 def parse_odom(line: bytes) -> PoseRow:
-    """Return the pose of the robot on an ODOM line. Raises BrokenRecordError."""
+    """Return the pose of the robot on an ODOM line; NaN, as write_carmen says it, where none is known.
+
+    Raises BrokenRecordError.
+    """
     fields = line.split(None, 10)
     if len(fields) < 7 + _N_TAIL:
         raise BrokenRecordError("ODOM line cut short")
+    if fields[1:4] == [b"nan"] * 3:
+        return NO_POSE
     x, y, theta = _finite_numbers(fields[1:4], "ODOM")
     return x, y, theta
 

@@ -72,7 +72,7 @@ class CarmenLog(ScanAccess):
 
     @cached_property
     def odometry(self) -> Trajectory | None:
-        """Wheel odometry at each scan, in its raw frame; NaN before the first pose, None without any but zeros.
+        """Wheel odometry at each scan, in its raw frame; NaN where it is unknown, None without any but zeros.
 
         FLASER and ROBOTLASER1 lines give the pose of the laser. For RAWLASER1 it is the pose of the last ODOM line
         before the sweep, that is of the robot: the log does not say where the laser is mounted.
@@ -177,12 +177,15 @@ def write_carmen(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[s
     odometry = log.odometry
     is_posed = odometry is not None and bool(np.isfinite(odometry.poses).all())
     losses: dict[str, None] = {}
+    was_known = False
     with text_file(path) as file:
         file.write("# CARMEN Logfile\n")
         for scan, pose in scans_with_poses(log):
             losses |= dict.fromkeys(_losses(scan))
-            if not is_posed and pose is not None:
-                file.write(f"ODOM {_row(pose)} 0 0 0 {scan.stamp!r} curvescan {scan.stamp!r}\n")
+            if not is_posed and (was_known or pose is not None):  # the pose of an ODOM line holds until the next
+                row = _row(np.full(3, np.nan) if pose is None else pose)
+                file.write(f"ODOM {row} 0 0 0 {scan.stamp!r} curvescan {scan.stamp!r}\n")
+            was_known = pose is not None
             file.write(_line(scan, pose if is_posed else None))
             on_scan()
     if odometry is not None and len(odometry) > 1 and not odometry.poses.any():

@@ -11,6 +11,7 @@ import math
 import os
 import stat
 import zlib
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -95,7 +96,7 @@ class BrokenGzipError(LogFormatError):
 
 
 def read_head(path: Path, n_bytes: int) -> bytes:
-    """Return the first `n_bytes` of a file after unpacking, fewer when the file is shorter."""
+    """Return the first `n_bytes` of a file after unpacking, fewer when the file is shorter or has a byte-order mark."""
     head = b""
     try:
         for chunk in read_chunks(path):
@@ -105,7 +106,7 @@ def read_head(path: Path, n_bytes: int) -> bytes:
     except BrokenGzipError:
         if not head:
             raise
-    return head[:n_bytes]
+    return head[:n_bytes].removeprefix(BOM_UTF8)
 
 
 def read_line_at(path: Path, offset: int) -> bytes:
@@ -123,7 +124,7 @@ def read_line_at(path: Path, offset: int) -> bytes:
 def read_lines(path: Path, read_errors: ReadErrorCounter) -> Iterator[tuple[int, int, bytes]]:
     """Yield each line: its number, from 1, where it begins after unpacking, and its bytes without the newline.
 
-    Raises LogFileError.
+    A byte-order mark, which Windows puts before the first line, is left out. Raises LogFileError.
     """
     number, tail, is_dropping = 0, b"", False
     start = 0  # of what is split next
@@ -137,7 +138,7 @@ def read_lines(path: Path, read_errors: ReadErrorCounter) -> Iterator[tuple[int,
                     is_dropping = False
                     read_errors.add(LONG_LINE, number)
                 else:
-                    yield number, begin, line
+                    yield _unmarked(number, begin, line)
             if is_dropping or len(tail) > MAX_LINE_BYTES:
                 start += len(tail)
                 is_dropping, tail = True, b""
@@ -146,7 +147,12 @@ def read_lines(path: Path, read_errors: ReadErrorCounter) -> Iterator[tuple[int,
     if is_dropping:
         read_errors.add(LONG_LINE, number + 1)
     elif tail:
-        yield number + 1, start, tail
+        yield _unmarked(number + 1, start, tail)
+
+
+def _unmarked(number: int, begin: int, line: bytes) -> tuple[int, int, bytes]:
+    n = len(BOM_UTF8) if begin == 0 and line.startswith(BOM_UTF8) else 0
+    return number, begin + n, line[n:]
 
 
 def read_chunks(path: Path) -> Iterator[bytes]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io.files.lines import GZIP_MAGIC, printable, read_head
+from curvescan.io.files.lines import is_packed, printable, read_head
 from curvescan.io.files.output import output_file
 from curvescan.types import Cov, Floats, Pose
 
@@ -267,9 +267,7 @@ def _column_rows(path: Path) -> PoseRows:
             where = f"{path}, line {lines.line_num}"
             _check_length(row, names, where)
             rows.append(_numbers([row[k] for k in columns], where))
-    if not rows:
-        raise LogFormatError(f"{path} is empty: a trajectory must hold at least one pose")
-    table = np.array(rows)
+    table = np.array(rows).reshape(-1, 4)
     return PoseRows(table[:, 0], np.column_stack([table[:, 1:3], se2.wrap(table[:, 3])]))
 
 
@@ -285,24 +283,22 @@ def read_rows(path: str | os.PathLike[str]) -> PoseRows:
         raise LogFileError(f"{path} is a folder without a trajectory.csv: give the results of a run, or a file")
     if not file.exists():
         raise LogFileError(f"trajectory {path} does not exist: check the path")
+    if is_packed(file):
+        raise LogFormatError(f"{file} is compressed with gzip and not a log: unpack it first")
     first = first_line(read_head(file, _HEAD_BYTES))
-    if is_our_csv(first):
-        return csv_rows(file)[0]
     if _n_numbers(first) == KITTI.n_fields:
         return rows_of(file, KITTI)
-    if not first:
-        raise LogFormatError(f"{file} is empty: a trajectory must hold at least one pose")
     is_tum = _n_numbers(first) > 3
-    if not is_tum and "," not in first:
+    if first and not is_tum and "," not in first:
         raise LogFormatError(
             f"{file} holds no poses that can be read: give TUM text, CSV with columns stamp, x, y, theta, "
             "or a log, whose poses are read_log(path).odometry"
         )
-    with file.open("rb") as raw:
-        if raw.read(2) == GZIP_MAGIC:
-            raise LogFormatError(f"{file} is compressed with gzip and not a log: unpack it first")
     if not is_tum:
-        return _column_rows(file)
+        rows = csv_rows(file)[0] if is_our_csv(first) else _column_rows(file)
+        if not len(rows.stamps):
+            raise LogFormatError(f"{file} is empty: a trajectory must hold at least one pose")
+        return rows
     fields = first.split()
     length = math.hypot(*map(float, fields[4:8]))
     if len(fields) == 8 and abs(length - 1.0) > 0.01:  # relations have as many numbers
@@ -356,7 +352,7 @@ def writing_text(path: str | os.PathLike[str]) -> Iterator[TextIO]:
 def _reading_text(path: str | os.PathLike[str]) -> Iterator[TextIO]:
     """Yield a text file to read; raise LogFileError or LogFormatError where it cannot be read."""
     try:
-        with Path(path).open(encoding="utf-8", errors="replace", newline="") as file:
+        with Path(path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
             yield file
     except (LogFileError, LogFormatError):
         raise
