@@ -205,7 +205,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "editing": (446, 2, 0),
     "engines": (783, 2, 0),
     "evaluation": (830, 15, 0),
-    "io": (5925, 38, 0),
+    "io": (5936, 38, 0),
     "live": (2788, 41, 0),
     "mapping": (863, 17, 8),
     "matchers": (674, 4, 0),
