@@ -175,7 +175,6 @@ def test_directions_go_one_way_and_round_once():
         ({"range_min": 9.0}, r"0 <= range_min < range_max, got range_min=9.0, range_max=8.0"),
         ({"range_max": math.nan}, "range_max=nan"),
         ({"stamp": math.inf}, "stamp must be finite"),
-        ({"stamp": -1e16}, r"stamp must be finite, within 1e\+15 s, got -1e\+16"),
         ({"intensities": [1.0]}, r"one value a beam \(2\), got 1"),
     ],
 )

@@ -94,7 +94,7 @@ def predicted_velocity(motion: ArrayLike, seconds: float) -> Floats:
 
 def usual_period(stamps: Sequence[float], scan_time: float = 0.0) -> float:
     """Return the time between two scans of a clock that may stand still, go back, leap or jitter."""
-    forward = [after - before for before, after in pairwise(stamps) if after - before > _TICK]
+    forward = [after - before for before, after in pairwise(stamps) if _TICK < after - before < math.inf]
     usual = scan_time if scan_time > _TICK or not forward else median(forward)
     regular = [step for step in forward if _SHORTEST * usual <= step <= _LONGEST * usual]
     return sum(regular) / len(regular) if regular else usual

@@ -112,6 +112,9 @@ def test_an_interrupt_ends_the_run_and_keeps_it(log):
     report = run_live(LogSource(log, speed=0), Tracker(Odometry()), on_scan=on_scan)
     assert report.is_interrupted
     assert report.n_scans == 10
+    reasons = judge(report.record_of(len(log)), Odometry(), None).reasons
+    assert any("interrupted after 10 scans" in reason for reason in reasons)
+    assert not report.record_of(10).is_partial  # of a laser there are no more
 
 
 @pytest.mark.parametrize("speed", [1.0, 20.0])

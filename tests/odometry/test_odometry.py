@@ -373,7 +373,9 @@ def test_wheels_that_leap_bend_no_sweep(jump):
     assert np.hypot(*(steps[-1].pose - truth[-1])[:2]) < 0.1
 
 
-@pytest.mark.parametrize("stamps", [(0.0, 5e-324, 1e-12, 3e-12), (-1e15, 1e15, -1e15, 1e15), (0.0, 1e15, 1e15, 0.0)])
+@pytest.mark.parametrize(
+    "stamps", [(0.0, 5e-324, 1e-12, 3e-12), (-1e308, 1e308, -1e308, 1e308), (0.0, 1e308, 1e308, 0.0)]
+)
 def test_no_clock_ends_an_odometry(stamps):
     scans, _ = drive(len(stamps))
     odometry = cs.Odometry()

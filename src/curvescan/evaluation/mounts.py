@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 
 from curvescan import se2
 from curvescan.diagnostics.issues import Issue
+from curvescan.diagnostics.preparation import mend
 from curvescan.errors import InvalidArgumentError
 from curvescan.io import read_log
 from curvescan.io.log import Log, ScanAccess
@@ -131,16 +132,19 @@ class MountCheck:
 
 
 def check_mounts(path: str | os.PathLike[str], *, uses_wheels: bool = True) -> list[MountCheck]:
-    """Return the mounts of a bag's lasers, on the base or else on the first laser, beside those of its transforms."""
+    """Return the mounts of a bag's lasers, on the base or else on the first laser, beside those of its transforms.
+
+    What is wrong with a log beyond doubt is mended, as in a run. Raises InvalidArgumentError where one sensor is all.
+    """
     given = laser_mounts(Path(path))
     logs = {topic: read_log(path, topic=topic) for topic in given}
     first, laser = next(iter(logs.items()))
     wheels = laser.robot_odometry() if uses_wheels and isinstance(laser, ScanAccess) else None
     if wheels is None and len(logs) < 2:
-        raise InvalidArgumentError(
-            f"{path} holds one laser and no wheels: a mount is found from two sensors on one robot"
-        )
-    found = find_mounts(logs, base=first if wheels is None else wheels)
+        lone = "no wheels: a mount is found from two sensors on one robot"
+        wheels_too = "curvescan calibrate LOG --mounts compares it with the wheels, where there are some"
+        raise InvalidArgumentError(f"{path} holds one laser and {lone}" if uses_wheels else f"one laser: {wheels_too}")
+    found = find_mounts({topic: mend(log).log for topic, log in logs.items()}, base=first if wheels is None else wheels)
     seen_from = given[first] if wheels is None else np.zeros(3)
     base, checks = "the wheels" if wheels is not None else first, []
     for topic, mount in found.items():

@@ -42,6 +42,10 @@ class LiveReport:
         """Scans tracked."""
         return len(self.record.outcomes)
 
+    def record_of(self, n_scans: int) -> RunRecord:
+        """Return the record, partial where the source had a fault or has more scans, `n_scans` in all."""
+        return replace(self.record, is_partial=self.error is not None or n_scans > self.n_scans)
+
 
 def run_live(
     source: ScanSource,

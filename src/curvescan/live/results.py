@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
@@ -51,7 +50,7 @@ class ResultsSink(MapSink):
     ) -> tuple[str, ...]:
         """Write the results once SLAM is finished and the sink closed; a laser's maps are drawn from the scans kept."""
         scans = _Passed(name, report.n_scans) if log is None else log.log
-        record = replace(report.record, is_partial=report.error is not None or len(scans) > report.n_scans)
+        record = report.record_of(len(scans))
         maps = self._maps(engine, record.trajectory.poses) if log is None or isinstance(engine, Localizer) else None
         run = Run(
             log=scans,

@@ -18,6 +18,7 @@ _N_STAMPS = 12
 _HYSTERESIS = 0.02
 """The period is taken anew when it changes by more than this share: stamps that jitter change nothing."""
 
+_LONGEST = 1e15  # seconds: 30 million years, which can be counted in periods
 _DIGITS = 3
 """Significant digits of the period: what is less than the hysteresis must not enter when it is taken anew either."""
 
@@ -34,7 +35,7 @@ class Deskewer(NamedTuple):
     def ticked(self, stamp: float, scan_time: float = 0.0) -> Deskewer:
         """Return the deskewer at the time of the next scan."""
         stamps = (*self.stamps, stamp)[-_N_STAMPS:]
-        elapsed = stamp - self.stamps[-1] if self.stamps else 0.0
+        elapsed = min(max(stamp - self.stamps[-1], -_LONGEST), _LONGEST) if self.stamps else 0.0
         period = usual_period(stamps, scan_time)
         if abs(period - self.period) <= _HYSTERESIS * self.period:
             period = self.period

@@ -26,8 +26,9 @@ def test_what_is_lost_or_skipped_is_told(tmp_path: Path, capsys: pytest.CaptureF
     source = tmp_path / "a.csv"
     source.write_text("stamp,angle_min,angle_increment,ranges\n1,0,0.1,1\n2,0,0,1\n")
     assert run(["convert", str(source), str(tmp_path / "a.bag")]) == 0
-    told = capsys.readouterr().err
-    assert "not read: angles or times that make no scan (1 times, first in line 3)" in told
+    told = " ".join(capsys.readouterr().err.split())
+    assert "not read: angle_increment must not be 0: give the angle from a beam to the next" in told
+    assert "(1 times, first in line 3)" in told
     assert "not kept: digits beyond float32" in told
 
 

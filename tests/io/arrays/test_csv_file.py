@@ -100,11 +100,12 @@ def test_spreadsheets_and_gzip(tmp_path: Path, mark: bytes, end: str, is_packed:
     [
         ("1,-1.0,0.5", "line cut short: fewer fields than the header names"),
         ("1,-1.0,0.5,0,8,1,x", "line with a field that is not a number"),
-        ("nan,-1.0,0.5,0,8,1", "time stamp not finite"),
-        (",-1.0,0.5,0,8,1", "time stamp not finite"),
-        ("1,-1.0,0.5,9,8,1", "range limits break 0 <= range_min < range_max"),
-        ("1,-1.0,0.0,0,8,1", "angles or times that make no scan"),
-        ("1,inf,0.1,0,8,1", "angles or times that make no scan"),
+        ("nan,-1.0,0.5,0,8,1", "stamp must be finite, got nan"),
+        (",-1.0,0.5,0,8,1", "stamp must be finite, got nan"),
+        ("1,-1.0,0.5,9,8,1", "range limits must satisfy 0 <= range_min < range_max"),
+        ("1,-1.0,0.0,0,8,1", "angle_increment must not be 0"),
+        ("1,inf,0.1,0,8,1", "angle_min must be finite, got inf"),
+        ("1,-90,0.5,0,8,1", "angles must be radians: 1 beams from angle_min=-90"),
         ("1,,,0,8,1", "scan without directions: no angle_min and angle_increment, and no sound"),
         ("angles,0,x", "line with a field that is not a number"),
     ],
@@ -115,6 +116,13 @@ def test_a_broken_line_is_skipped_and_counted(tmp_path: Path, line: str, rule: s
     (read_error,) = log.read_errors
     assert read_error.rule.startswith(rule)
     assert (read_error.count, read_error.first) == (1, "line 3")
+
+
+def test_lines_that_break_a_rule_with_other_numbers_are_counted_as_one(tmp_path: Path) -> None:
+    lines = [f"1,{-90 - 0.1 * k},0.5,0,8,1" for k in range(20)]
+    (read_error,) = read_log(write(tmp_path / "a", HEADER, ROW, *lines)).read_errors
+    assert read_error.rule.startswith("angles must be radians: 1 beams from angle_min=-90 in")
+    assert (read_error.count, read_error.first) == (20, "line 3")
 
 
 def test_angles_and_intensities_have_one_value_a_range(tmp_path: Path) -> None:

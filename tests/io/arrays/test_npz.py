@@ -103,10 +103,11 @@ def test_forms_of_files(tmp_path: Path, form: str) -> None:
 @pytest.mark.parametrize(
     ("arrays", "rule"),
     [
-        ({"stamps": [0, np.nan, 2, 3]}, "time stamp not finite"),
+        ({"stamps": [0, np.nan, 2, 3]}, "stamp must be finite, got nan"),
         ({"counts": [5, 6, 5, 5]}, "count of beams beyond the row of ranges"),
-        ({"range_min": [0, 9, 0, 0], "range_max": 8.0}, "range limits break"),
-        ({"angle_increment": [1, 0, 1, 1]}, "angles or times that make no scan"),
+        ({"range_min": [0, 9, 0, 0], "range_max": 8.0}, "range limits must satisfy"),
+        ({"angle_increment": [1, 0, 1, 1]}, "angle_increment must not be 0"),
+        ({"angle_increment": [1, 90, 1, 1]}, "angles must be radians"),
     ],
 )
 def test_broken_scans_are_skipped_and_counted(tmp_path: Path, arrays: dict[str, Any], rule: str) -> None:

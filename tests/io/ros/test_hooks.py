@@ -35,7 +35,7 @@ def calls(monkeypatch):
 
     for name in ("read_chunk", "read_index_data", "messages"):
         watch(limits.CheckedRos1Reader, name)
-    for name in ("open", "_look"):
+    for name in ("open", "_look", "read_index", "meta_scan"):
         watch(limits.CheckedMcapReader, name)
     for owner, name in ((Unpacker, "unpack"), (limits, "check_chunks"), (limits, "_check_qos_in"), (salvage, "_check")):
         watch(owner, name)
@@ -68,8 +68,13 @@ def test_the_hooks_of_an_mcap_file_are_called(tmp_path, calls, is_packed):
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     fill(writer, ROS2, ROS2.serialize_cdr)
     assert len(list(cs.read_log(storage(tmp_path / "log")))) == N_SCANS
-    assert {"open", "_look", "check_chunks", "_check_qos_in"} <= set(calls)
+    assert {"open", "_look", "read_index", "check_chunks", "_check_qos_in"} <= set(calls)
     assert ("unpack" in calls) == is_packed
+    assert "meta_scan" not in calls
+    path = storage(tmp_path / "log")
+    path.write_bytes(path.read_bytes()[:-8])
+    assert len(list(cs.read_log(path))) == N_SCANS
+    assert "meta_scan" in calls
 
 
 def test_the_hook_of_a_database_is_called(tmp_path, calls):

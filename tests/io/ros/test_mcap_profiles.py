@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from curvescan import LogFormatError, read_log, simulate, write_log
+from curvescan.io.ros.reader import CUT_BAG
 
 mcap_writer = pytest.importorskip("mcap.writer", reason="the mcap package is not installed")
 mcap_reader = pytest.importorskip("mcap.reader")
@@ -22,10 +23,10 @@ def messages(tmp_path_factory):
     return log, found
 
 
-def written(path, messages, *, profile, others=(), encoding="ros2msg"):
+def written(path, messages, *, profile, others=(), encoding="ros2msg", **options):
     """An MCAP file of the same messages by the mcap package, with channels of other kinds."""
     with path.open("wb") as file:
-        writer = mcap_writer.Writer(file)
+        writer = mcap_writer.Writer(file, **options)
         writer.start(profile=profile, library="a test")
         channels = {}
         for name, schema_encoding, schema_data, message_encoding, data in others:
@@ -56,6 +57,43 @@ def test_the_channels_are_asked_and_not_the_profile(messages, tmp_path, profile,
     assert len(read) == len(log)
     for a, b in zip(read, log, strict=True):
         assert np.array_equal(a.ranges, b.ranges.astype(np.float32), equal_nan=True)
+
+
+@pytest.mark.parametrize("compression", list(mcap_writer.CompressionType))
+def test_a_file_that_is_cut_is_read_beside_channels_of_other_kinds(messages, tmp_path, compression):
+    scans, found = messages
+    path = tmp_path / "cut.mcap"
+    written(path, found, profile="foxglove", others=OTHERS, chunk_size=5000, compression=compression)
+    path.write_bytes(path.read_bytes()[:-300])
+    log = read_log(path)
+    assert len(log) == len(scans)
+    assert [error.rule for error in log.read_errors] == [CUT_BAG]
+
+
+@pytest.mark.parametrize("others", [(), OTHERS])
+@pytest.mark.parametrize("left_out", [{"schemas"}, {"channels"}, {"schemas", "channels"}])
+@pytest.mark.parametrize("use_statistics", [True, False])
+def test_a_summary_need_not_repeat_schemas_and_channels(messages, tmp_path, others, left_out, use_statistics):
+    scans, found = messages
+    path = tmp_path / "brief.mcap"
+    options = {f"repeat_{what}": False for what in left_out}
+    written(path, found, profile="ros2", others=others, use_statistics=use_statistics, **options)
+    log = read_log(path)
+    assert len(log) == len(scans)
+    assert log.read_errors == ()
+
+
+def test_a_chunk_in_a_chunk_is_not_unpacked(tmp_path):
+    path = tmp_path / "nested.mcap"
+    record = b""
+    for _ in range(3):
+        head = bytes(16) + len(record).to_bytes(8, "little") + bytes(4) + bytes(4) + len(record).to_bytes(8, "little")
+        record = b"\x06" + (len(head) + len(record)).to_bytes(8, "little") + head + record
+    header = b"\x01" + (8).to_bytes(8, "little") + bytes(8)
+    magic = b"\x89MCAP0\r\n"
+    path.write_bytes(magic + header + record + b"\x02" + (20).to_bytes(8, "little") + bytes(20) + magic)
+    with pytest.raises(LogFormatError, match=r"without a laser scan: .* holds no topic"):
+        read_log(path)
 
 
 def test_without_a_channel_of_ros_2_the_encodings_are_named(tmp_path):

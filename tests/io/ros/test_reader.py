@@ -30,8 +30,8 @@ from curvescan.diagnostics.inspect import inspect_log
 from curvescan.errors import CurvescanError, InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io import Log, read_log
 from curvescan.io.files import lines as unpacking
-from curvescan.io.ros.messages import BAD_ANGLES, BAD_LIMITS
 from curvescan.io.ros.reader import BROKEN_BAG, CUT_BAG
+from curvescan.io.ros.transforms import laser_mounts
 from curvescan.runs.run import run as run_log
 from tests.bags import (
     KINDS,
@@ -116,7 +116,7 @@ def test_scans_keep_their_order_and_their_stamps(tmp_path: Path, kind: str) -> N
 
 def test_range_max_of_the_caller_holds(tmp_path: Path, kind: str) -> None:
     path = write_bag(tmp_path / "bag", kind, [scan(range_max=0.0)])
-    with pytest.raises(LogFormatError, match=BAD_LIMITS):
+    with pytest.raises(LogFormatError, match="range limits must satisfy 0 <= range_min < range_max"):
         read_log(path)
     assert [s.range_max for s in read_log(path, range_max=3.0)] == [3.0]
 
@@ -129,19 +129,24 @@ def test_beam_counts_may_change_and_be_zero(tmp_path: Path, kind: str) -> None:
 @pytest.mark.parametrize(
     ("fields", "rule"),
     [
-        ({"angle_increment": 0.0}, BAD_ANGLES),
-        ({"angle_increment": math.nan}, BAD_ANGLES),
-        ({"angle_min": math.inf}, BAD_ANGLES),
-        ({"range_min": 9.0}, BAD_LIMITS),
-        ({"range_min": -1.0}, BAD_LIMITS),
-        ({"range_max": math.nan}, BAD_LIMITS),
+        ({"angle_increment": 0.0}, "angle_increment must not be 0"),
+        ({"angle_increment": math.nan}, "angle_increment must be finite, got nan"),
+        ({"angle_min": math.inf}, "angle_min must be finite, got inf"),
+        ({"angle_min": -90.0, "angle_increment": 0.5}, "angles must be radians: 3 beams from angle_min=-90 in steps"),
+        ({"range_min": 9.0}, "range limits must satisfy 0 <= range_min < range_max, got range_min=9"),
+        ({"range_min": -1.0}, "range limits must satisfy 0 <= range_min < range_max, got range_min=-1"),
+        (
+            {"range_max": math.nan},
+            "range limits must satisfy 0 <= range_min < range_max, got range_min=0.125, range_max=nan",
+        ),
     ],
 )
 def test_nonsense_header_is_a_fault_and_not_fatal(tmp_path: Path, fields: dict[str, float], rule: str) -> None:
     entries = [scan(1), scan(2, **fields), scan(3), scan(4, **fields)]
     log = read_log(write_bag(tmp_path / "bag", "mcap", entries))
     (read_error,) = log.read_errors
-    assert (read_error.rule, read_error.count, read_error.first) == (rule, 2, "message 2")
+    assert read_error.rule.startswith(f"LaserScan message: {rule}")
+    assert (read_error.count, read_error.first) == (2, "message 2")
     assert len(log) == len(list(log)) == 2
 
 
@@ -389,6 +394,28 @@ def test_files_of_a_split_bag_follow_each_other(tmp_path: Path, storage_kind: st
     log = read_log(folder)
     assert [round(s.stamp) for s in log] == [0, 0, 1, 1, 2, 2, 10, 10]
     assert dict(log.tag_counts) == {"/scan (sensor_msgs/LaserScan)": 8}
+
+
+@pytest.mark.parametrize("broken", [0, 1, 2])
+@pytest.mark.parametrize("n_bytes", [0, 8, 100, 600])
+@pytest.mark.parametrize("storage_kind", ["sqlite3", "mcap"])
+def test_a_part_of_a_split_bag_without_a_whole_message_is_left_out(
+    tmp_path: Path, storage_kind: str, n_bytes: int, broken: int
+) -> None:
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    for number in range(3):
+        file = storage(write_bag(tmp_path / f"part{number}", storage_kind, [scan(SECOND * number + 1)] * 2))
+        part = folder / f"bag_{number}{file.suffix}"
+        part.write_bytes(file.read_bytes()[: n_bytes if number == broken else None])
+    log = read_log(folder)
+    assert [round(s.stamp) for s in log] == [k for k in (0, 0, 1, 1, 2, 2) if k != broken]
+    assert [(e.rule, e.is_end) for e in log.read_errors] == [(CUT_BAG, True)]
+    assert f"no message of bag_{broken}{part.suffix} can be read: this file is left out" in log.notes
+    for file in folder.iterdir():
+        file.write_bytes(file.read_bytes()[:100])
+    with pytest.raises(LogFormatError, match=r"bag.* that cannot be read: "):
+        read_log(folder)
 
 
 def test_folder_of_several_bags(tmp_path: Path) -> None:
@@ -770,6 +797,15 @@ def test_laser_that_hangs_upside_down_is_told(tmp_path: Path) -> None:
     log = read_log(write_bag(tmp_path / "bag", "mcap", [scan(SECOND), *drive("topic"), mount]))
     assert any("upside down" in note for note in log.notes)
     assert any("mirrored" in note for note in log.notes)
+
+
+def test_a_mount_that_is_sent_late_is_found(tmp_path: Path) -> None:
+    wheels = [transform(i, "odom", "base_link", (0.001 * i, 0.0, 0.0)) for i in range(1, 1100)]
+    roll = {"x": 1.0, "y": 0.0, "z": 0.0, "w": 0.0}
+    mount = transform(1100, "base_link", "laser", (0.5, 0.0, 0.0), rotation=roll)
+    bag = write_bag(tmp_path / "bag", "mcap", [scan(SECOND), *wheels, mount])
+    assert any("mirrored" in note for note in read_log(bag).notes)
+    assert laser_mounts(bag)["/scan"] == pytest.approx(np.array([0.5, 0.0, 0.0]))
 
 
 def test_times_of_beams_and_sweeps_come_through(tmp_path: Path, kind: str) -> None:

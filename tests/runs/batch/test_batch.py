@@ -81,6 +81,16 @@ def test_one_bad_log_stops_no_other(tmp_path):
         assert (tmp_path / "out" / record.folder).exists() == (not record.is_failed)
 
 
+def test_the_table_holds_all_that_the_folder_does(tmp_path):
+    for day in ("monday", "tuesday"):
+        logs = make_logs(tmp_path / day, "a.log", "b-raise.log")
+        cs.run_batch(logs, out=tmp_path / "out", job=NamedJob(), workers=1)
+    with (tmp_path / "out" / "fleet.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["input"].rpartition("day/")[2] for row in rows] == ["a.log", "b-raise.log"] * 2
+    assert [row["verdict"] for row in rows] == ["trusted", "failed"] * 2
+
+
 def test_workers_live_longer_than_a_log(tmp_path):
     logs = make_logs(tmp_path / "logs", *(f"{k}.log" for k in range(12)))
     result = cs.run_batch(logs, out=tmp_path / "out", job=NamedJob(), workers=2)

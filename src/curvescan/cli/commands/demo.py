@@ -71,6 +71,7 @@ def _map_simulation(out: Path, rules: SlamFlags, **options: Any) -> int:
             method=matching.method,
             matcher=matching.matcher,
             config=rules.slam,
+            odometry_prior=False,  # that the scans are enough is what it shows
             truth=truth,
             command=sys.argv,
             display=display,

@@ -309,7 +309,8 @@ def _track(
                 viewer.set_status("ended", text)
         report = finish(report, tracker, sinks)
         if report.n_scans:
-            verdict = judge(report.record, engine, prepared)
+            n_scans = report.n_scans if prepared is None else len(prepared.log)
+            verdict = judge(report.record_of(n_scans), engine, prepared)
     finally:
         for sink in sinks:
             sink.close()

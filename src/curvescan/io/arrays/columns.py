@@ -30,18 +30,14 @@ def make_scan(
     value: Mapping[str, float], ranges: Floats, angles: Floats | None, intensities: Floats | None
 ) -> LaserScan:
     """Return the scan of the numbers of COLUMNS and its (n,) ranges; angles replace angle_min and angle_increment."""
-    if not math.isfinite(value["stamp"]):
-        raise BrokenRecordError("time stamp not finite")
-    if not 0.0 <= value["range_min"] < value["range_max"]:
-        raise BrokenRecordError("range limits break 0 <= range_min < range_max")
     given = ("angle_min", "angle_increment") if angles is None else ()
     fields: dict[str, Any] = {name: value[name] for name in ("stamp", *given, *OPTIONAL)}
     try:
         if angles is None:
             return LaserScan(ranges, intensities=intensities, **fields)
         return LaserScan(ranges, angles=angles, intensities=intensities, **fields)
-    except InvalidArgumentError:
-        raise BrokenRecordError("angles or times that make no scan") from None
+    except InvalidArgumentError as error:
+        raise BrokenRecordError(str(error)) from None
 
 
 def make_pose(x: float, y: float, theta: float) -> PoseRow:

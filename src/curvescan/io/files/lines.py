@@ -9,12 +9,13 @@ import gzip
 import io
 import math
 import os
+import re
 import stat
 import zlib
 from codecs import BOM_UTF8
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
 
@@ -22,14 +23,14 @@ from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 
 
 class BrokenRecordError(LogFormatError):
-    """A line, row or message breaks the rule that stands in the error's text; the text holds no value of it."""
+    """A line, row or message breaks the rule that stands in the error's text; of its values the text holds numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReadError:
     """One kind of error met while reading a log: counted, reported, not fatal."""
 
-    rule: str  # what was broken, as a phrase: ``"FLASER line cut short"``
+    rule: str  # what was broken, as a phrase: ``"FLASER line cut short"``; numbers in it are of the first breach
     count: int  # how often
     first: str  # where it was met first: ``"line 17"``
 
@@ -42,22 +43,28 @@ class ReadError:
         return f"{self.rule} ({self.count} times, first in {self.first})"
 
 
+_OPEN_LINE = "last line cut short: what stands before is read"
+_NUMBER = re.compile(r"\b\d[\w.+-]*")  # a rule broken by another number is the same rule
+
+
 class ReadErrorCounter:
     """Counts read errors by rule, with the place where each was met first; its size grows with the rules alone."""
 
     def __init__(self, unit: str = "line") -> None:
         self._unit = unit
-        self._numbers: dict[str, tuple[int, int]] = {}  # by rule: how often, and where first
+        self._found: dict[str, ReadError] = {}  # by rule without its numbers
+        self.open_line = 0  # number of the last line of a text that ends without a newline
 
     def add(self, rule: str, number: int) -> None:
         """Count one breach of `rule`, a phrase such as ``"FLASER line cut short"``."""
-        count, first = self._numbers.get(rule, (0, number))
-        self._numbers[rule] = (count + 1, first)
+        rule = _OPEN_LINE if number == self.open_line else rule
+        kind = _NUMBER.sub("", rule)
+        known = self._found.get(kind) or ReadError(rule=rule, count=0, first=f"{self._unit} {number}")
+        self._found[kind] = replace(known, count=known.count + 1)
 
     def read_errors(self) -> tuple[ReadError, ...]:
         """Return one ReadError a rule, most frequent first, then in the order they were met."""
-        found = sorted(self._numbers.items(), key=lambda item: -item[1][0])
-        return tuple(ReadError(rule=rule, count=n, first=f"{self._unit} {first}") for rule, (n, first) in found)
+        return tuple(sorted(self._found.values(), key=lambda error: -error.count))
 
 
 def printable(text: str, longest: int = 60) -> str:
@@ -147,6 +154,7 @@ def read_lines(path: Path, read_errors: ReadErrorCounter) -> Iterator[tuple[int,
     if is_dropping:
         read_errors.add(LONG_LINE, number + 1)
     elif tail:
+        read_errors.open_line = number + 1
         yield _unmarked(number + 1, start, tail)
 
 

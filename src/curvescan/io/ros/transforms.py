@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -132,7 +132,7 @@ def _is_same(first: Transform, second: Transform) -> bool:
     return all(abs(a - b) <= _SAME for a, b in zip(first, turned, strict=True))
 
 
-_N_FIRST = 1000  # messages of each topic of transforms that are read: robots repeat their mounts many times a second
+_N_FIRST = 1000  # messages of a topic of transforms that are read first: robots repeat their mounts many times a second
 
 _LEVEL = ("base_link", "base_footprint", "odom", "map")
 """Frames whose z axis points up (REP-105), the nearest to the laser first."""
@@ -143,34 +143,21 @@ _TILTED = math.radians(5.0)
 def laser_mounts(path: Path) -> dict[str, Pose | None]:
     """Return each laser's pose on the robot's base, from above, by topic; None where it is unknown."""
     bag = Bag(path)
-    tree = _first_transforms(bag)
-    known = {name for edge in tree.transforms for name in edge}
-    bases = [name for level in _LEVEL[:2] for name in sorted(known) if name.rpartition("/")[2] == level]
-    mounts: dict[str, Pose | None] = {}
-    for topic, held in bag.topics.items():
-        if held.msgtype != LASER_SCAN or not held.count:
-            continue
-        first = bag.decode(next(iter(bag.messages([topic]))))
-        ways = [(base, tree.path(base, frame_name(first.header.frame_id), avoid="")) for base in bases]
-        base, way = next(((base, way) for base, way in ways if way is not None), ("", None))
-        mounts[topic] = None
-        if way is not None:
-            pose = tree.along(base, way)
-            mounts[topic] = np.array([pose[0, 3], pose[1, 3], math.atan2(pose[1, 0], pose[0, 0])])
-    return mounts
+    lasers = [name for name, topic in bag.topics.items() if topic.msgtype == LASER_SCAN and topic.count]
+    firsts = [bag.decode(next(iter(bag.messages([topic])))) for topic in lasers]
+    poses = _poses(bag, [frame_name(first.header.frame_id) for first in firsts], _LEVEL[:2])[1]
+    return {
+        topic: None if pose is None else np.array([pose[0, 3], pose[1, 3], math.atan2(pose[1, 0], pose[0, 0])])
+        for topic, pose in zip(lasers, poses, strict=True)
+    }
 
 
 def laser_tilt(bag: Bag, frame: str) -> float:
     """Return the angle between the laser's z axis and the vertical, radians in [0, pi]; 0 where it is unknown."""
-    tree = _first_transforms(bag)
     frame = frame_name(frame)
-    for level in _LEVEL:
-        known = {name for edge in tree.transforms for name in edge if name.rpartition("/")[2] == level}
-        for start in sorted(known):
-            if (way := tree.path(start, frame, avoid="")) is not None:
-                return _from_vertical(float(tree.along(start, way)[2, 2]))
-    root, way = tree.root(frame)
-    return _from_vertical(float(tree.along(root, way)[2, 2]))
+    tree, (pose,) = _poses(bag, [frame], _LEVEL)
+    pose = tree.along(*tree.root(frame)) if pose is None else pose
+    return math.acos(float(np.clip(pose[2, 2], -1.0, 1.0)))
 
 
 def tilt_notes(tilt: float) -> tuple[str, ...]:
@@ -184,15 +171,26 @@ def tilt_notes(tilt: float) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _first_transforms(bag: Bag) -> FrameTree:
-    tree = FrameTree()
-    for name, topic in bag.topics.items():
-        if topic.msgtype in TRANSFORMS and topic.count:
-            bag.each(
-                [name], lambda _, decoded: [*tree.add_all(decoded)], _N_FIRST
-            )  # broken ones are counted where the odometry is read
-    return tree
+def _poses(bag: Bag, frames: list[str], levels: Sequence[str]) -> tuple[FrameTree, list[Floats | None]]:
+    """Return the tree of a bag, and the (4, 4) pose of each frame on the first level frame that leads there, or None.
+
+    A driver may start long after the recorder: all transforms are read where the first ones lead to no level frame.
+    """
+    tree, poses = FrameTree(), list[Floats | None]()
+    for n_read, n_most in ((0, _N_FIRST), (_N_FIRST, None)):
+        for name, topic in bag.topics.items():
+            if topic.msgtype in TRANSFORMS and topic.count > n_read:
+                # broken ones are counted where the odometry is read
+                bag.each([name], lambda _, decoded: [*tree.add_all(decoded)], n_most)
+        poses = [_pose_on(tree, levels, frame) for frame in frames]
+        if all(pose is not None for pose in poses):
+            break
+    return tree, poses
 
 
-def _from_vertical(up: float) -> float:
-    return math.acos(float(np.clip(up, -1.0, 1.0)))
+def _pose_on(tree: FrameTree, levels: Sequence[str], frame: str) -> Floats | None:
+    known = sorted({name for edge in tree.transforms for name in edge})
+    for start in (name for level in levels for name in known if name.rpartition("/")[2] == level):
+        if (way := tree.path(start, frame, avoid="")) is not None:
+            return tree.along(start, way)
+    return None

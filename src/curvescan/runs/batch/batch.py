@@ -145,7 +145,7 @@ def run_batch(
                         if results.append(record):
                             shown.add(record)
         records = tuple(results.records[log.input] for log in logs)
-        results.finish(records)
+        results.finish()
     return BatchResult(records=records, n_skipped=len(standing))
 
 

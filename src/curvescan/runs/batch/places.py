@@ -123,10 +123,10 @@ class FolderResults:
         self.records[record.input] = record
         return True
 
-    def finish(self, records: Sequence[BatchRecord]) -> None:
-        """Write fleet.csv."""
+    def finish(self) -> None:
+        """Write fleet.csv of all that the manifest has, by the newest record of each log."""
         with output_file(self._root / FLEET) as temporary:
-            temporary.write_bytes(fleet_table(records))
+            temporary.write_bytes(fleet_table([self.records[log] for log in sorted(self.records)]))
         _remove_leftovers(self._root)
 
 
@@ -232,7 +232,7 @@ class BucketResults:
         self._claims.release(record.folder)
         return True
 
-    def finish(self, records: Sequence[BatchRecord]) -> None:
+    def finish(self) -> None:
         """Write manifest.jsonl and fleet.csv of all that the folder holds, and what the workers said."""
         self._read_new()
         everything = [self.records[log] for log in sorted(self.records)]

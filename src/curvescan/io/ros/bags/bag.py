@@ -75,9 +75,19 @@ class Bag:
         if kind is BagKind.SQLITE:
             self._files = [self._with_its_journal(file) if unfinished(file) else file for file in self._files]
         self.is_cut, self._share = False, 1.0
+        self._part_notes: list[str] = []
+        files, self._files = self._files, []
         connections: list[Connection] = []
-        for k, file in enumerate(self._files):
-            connections += self._connections_of(k, file)
+        errors: list[LogFormatError] = []
+        for file, given in zip(files, stored, strict=True):
+            try:
+                connections += self._connections_of(file)
+            except LogFormatError as error:
+                errors.append(error)
+                self._part_notes.append(f"no message of {printable(given.name)} can be read: this file is left out")
+        if errors and not any(c.msgcount for c in connections):
+            raise errors[0]
+        self.is_cut |= bool(errors)
         self.topics = _topics(connections)
         self._decoder = Decoder(connections, is_ros1=kind is BagKind.ROS1)
 
@@ -85,7 +95,7 @@ class Bag:
     def notes(self) -> tuple[str, ...]:
         """What was assumed to read the bag, a sentence each."""
         cut = ("its compressed data break off or are damaged: what could be unpacked of them is read",)
-        return (*(() if self.is_whole else cut), *self._journal_notes, *self._decoder.notes)
+        return (*(() if self.is_whole else cut), *self._part_notes, *self._journal_notes, *self._decoder.notes)
 
     def messages(self, topics: Collection[str], received: int | None = None) -> Iterator[Message]:
         """Yield the messages of these topics in order of reception, or only those received at a time, nanoseconds."""
@@ -143,11 +153,11 @@ class Bag:
         self.is_whole &= unpack(file, folder / "bag")
         return folder / "bag"
 
-    def _connections_of(self, k: int, file: Path) -> list[Connection]:
-        """Return the connections of file k; of one that is cut short, what is left of it takes its place."""
+    def _connections_of(self, file: Path) -> list[Connection]:
+        """Return the connections of a file, which is read from now on; of one that is cut short, what is left of it."""
         try:
             with self._opened(file) as reader:
-                return list(reader.connections)
+                connections = list(reader.connections)
         except LogFormatError as error:
             rest = self._temporary_folder() / "rest"
             try:
@@ -161,9 +171,9 @@ class Bag:
                 raise
             n_bytes, n_recorded = file.stat().st_size, recorded_bytes(file, self.kind)
             self._share = min(self._share, n_bytes / max(n_recorded, n_bytes))
-            self._files[k] = rest
-            self.is_cut = True
-            return connections
+            self.is_cut, file = True, rest
+        self._files.append(file)
+        return connections
 
     def _with_its_journal(self, file: Path) -> Path:
         what = "the database was not closed: what stands in its -wal or -journal file"

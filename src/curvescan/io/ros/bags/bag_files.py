@@ -42,7 +42,7 @@ def bag_kind(path: Path) -> BagKind | None:
 
 
 def storage_files(folder: Path) -> tuple[Path, ...]:
-    """Return the storage files of a ROS 2 bag folder, in the order they were recorded."""
+    """Return the storage files of a ROS 2 bag folder in the order they were recorded, then those that hold nothing."""
     try:
         entries = sorted(entry for entry in folder.iterdir() if entry.is_file())
     except OSError as error:
@@ -66,7 +66,10 @@ def storage_files(folder: Path) -> tuple[Path, ...]:
     if len({(kind, _split_name(file)[0]) for file, kind in kinds.items()}) > 1:
         names = ", ".join(file.name for file in list(kinds)[:8])
         raise LogFormatError(f"{folder} holds several bags: give one of them ({names})")
-    return tuple(sorted(kinds, key=lambda file: _split_name(file)[1]))
+    # a recorder that was killed leaves a file empty, or with a part of its first bytes
+    stems = {(_split_name(file)[0], file.suffix) for file in kinds}
+    parts = [entry for entry in entries if (_split_name(entry)[0], entry.suffix) in stems]
+    return tuple(sorted(parts, key=lambda file: (file not in kinds, _split_name(file)[1])))
 
 
 def recorded_counts(folder: Path) -> dict[str, int]:

@@ -6,14 +6,16 @@ and the YAML of ROS 2 bags, in which a few hundred bytes can stand for hours of 
 
 import io
 import os
-from collections.abc import Callable, Collection, Generator
+import struct
+from collections import Counter
+from collections.abc import Callable, Collection, Generator, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1.reader import Chunk, IndexData, decompressors
-from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader
+from rosbags.rosbag2 import storage_mcap as mcap
 
 from curvescan.errors import LogFormatError
 from curvescan.io.files.lines import printable
@@ -42,8 +44,9 @@ _CHUNK_HEAD = 28
 _NAMES = {b"\x04\x00\x00\x00zstd": "zstd", b"\x03\x00\x00\x00lz4": "lz4"}
 
 
-_HEADER, _SCHEMA = 0x01, 0x03
-_CDR = "cdr"
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = range(1, 7)
+_MESSAGE_HEAD = 22  # channel, number, and the times of reception and of sending
+_CDR, _SCHEMALESS = "cdr", "__schemaless__"
 _ROS2_SCHEMAS = (b"ros2msg", b"ros2idl", b"omgidl", b"")
 
 
@@ -91,7 +94,7 @@ class CheckedRos1Reader(Ros1Reader):
             yield item
 
 
-class CheckedMcapReader(McapReader):
+class CheckedMcapReader(mcap.McapReader):
     """rosbags' reader of MCAP, whose chunks unpack within limits."""
 
     def __init__(self, file: Path, n_given: int) -> None:
@@ -123,6 +126,39 @@ class CheckedMcapReader(McapReader):
             self.close()
             raise
 
+    def read_index(self) -> None:
+        """Read the summary; channels and schemas that it does not repeat are looked for in the file."""
+        super().read_index()
+        used = {number for chunk in self.chunks for number in chunk.channel_count}
+        used.update(self.statistics.channel_message_counts if self.statistics else ())
+        is_whole = all(c.schema != _SCHEMALESS or c.message_encoding != _CDR for c in self.channels.values())
+        if not is_whole or used - self.channels.keys():
+            self.connections.clear()
+            self.meta_scan()
+
+    def meta_scan(self) -> None:
+        """Gather from the file what its summary would say, schemas in chunks as rosbags takes them."""
+        file, end = self.bio, self.data_end
+        assert file is not None
+        file.seek(self.data_start)
+        summary: dict[tuple[int, bytes], bytes] = {}  # the first of each number: chunks may repeat them
+        counts, first, last = Counter[int](), mcap.MAXSIZE, 0
+        for kind, record in _records(file, end):
+            if kind in (_SCHEMA, _CHANNEL):
+                summary.setdefault((kind, record[:2]), struct.pack("<BQ", kind, len(record)) + as_ros2(kind, record))
+            elif kind == _MESSAGE:
+                channel, received = struct.unpack("<H4xQ", record[:14])
+                counts[channel] += 1
+                first, last = min(first, received), max(last, received)
+        self.bio, self.data_end = io.BytesIO(b"".join(summary.values()) + bytes([_FOOTER])), 0
+        try:
+            super().read_index()
+        finally:
+            self.bio, self.data_end = file, end
+        self.statistics = mcap.Statistics(
+            counts.total(), len(self.schemas), len(self.channels), 0, 0, len(self.chunks), first, last, dict(counts)
+        )
+
     def _look(self, data: bytes) -> None:
         """Unpack what will be unpacked: rosbags would not stop."""
         kind = packing_of(data)
@@ -143,6 +179,23 @@ class CheckedMcapReader(McapReader):
         _check_qos_in(data)
 
 
+def _records(file: BinaryIO, end: int, *, is_chunk: bool = False) -> Iterator[tuple[int, bytes]]:
+    """Yield the kind and the bytes of each record up to an offset, those in chunks too; of messages only the head."""
+    while file.tell() < end:
+        kind, size = mcap.read_exact(file, 1)[0], int.from_bytes(mcap.read_exact(file, 8), "little")
+        n_read = size if kind in (_SCHEMA, _CHANNEL, _CHUNK) else min(size, _MESSAGE_HEAD)
+        record = mcap.read_exact(file, n_read)
+        mcap.skip_exact(file, size - n_read)
+        if kind == _CHUNK and not is_chunk:  # one in a chunk is none
+            head = io.BytesIO(record)
+            n_raw, crc = struct.unpack("<16xQI", head.read(_CHUNK_HEAD))
+            packing, n_packed = mcap.read_string(head), int.from_bytes(head.read(8), "little")
+            raw = mcap.decompress(mcap.read_exact(head, n_packed), packing, n_raw, crc)
+            yield from _records(io.BytesIO(raw), len(raw), is_chunk=True)
+        else:
+            yield kind, record
+
+
 def as_ros2(kind: int, record: bytes) -> bytes:
     """Return a record of an MCAP file as rosbags takes it, of the same length.
 
@@ -159,7 +212,7 @@ def as_ros2(kind: int, record: bytes) -> bytes:
     return record
 
 
-def check_chunks(chunks: Collection[ChunkInfo], n_bytes: int) -> None:
+def check_chunks(chunks: Collection[mcap.ChunkInfo], n_bytes: int) -> None:
     """Raise LogFormatError when chunks are listed twice, or too many lie over the same moment."""
     if len({chunk.chunk_start_offset for chunk in chunks}) < len(chunks):
         raise LogFormatError("its summary lists a chunk twice")
