@@ -65,13 +65,12 @@ def _map_simulation(out: Path, rules: SlamFlags, **options: Any) -> int:
     matching, truth = rules.matching, simulation.truth.poses
     with run_display() as display:
         result = curvescan.run(
-            simulation,
+            replace(simulation, odometry=None),  # the scans are enough
             "slam",
             out=out,
             method=matching.method,
             matcher=matching.matcher,
             config=rules.slam,
-            odometry_prior=False,  # that the scans are enough is what it shows
             truth=truth,
             command=sys.argv,
             display=display,
