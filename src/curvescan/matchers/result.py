@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
-from curvescan.se2.uncertain import is_positive_definite
+from curvescan.se2 import is_positive_definite
 from curvescan.types import Codes, Cov, Floats, Pose, UncertainPose
 
 GUESS_SIGMA = (0.3, 0.3, 0.2)  # standard deviations that a bare guess stands for: metres, metres, radians

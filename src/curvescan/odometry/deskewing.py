@@ -15,8 +15,7 @@ from curvescan.types import Floats, Pose
 
 _N_STAMPS = 12
 
-_HYSTERESIS = 0.02
-"""The period is taken anew when it changes by more than this share: stamps that jitter change nothing."""
+_HYSTERESIS = 0.02  # the period is taken anew when it changes by a larger share: stamps that jitter change nothing
 
 _LONGEST = 1e15  # seconds: 30 million years, which can be counted in periods
 _DIGITS = 3

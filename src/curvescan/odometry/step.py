@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curvescan.matchers import MatchResult
-from curvescan.se2.uncertain import UncertainPose, between, is_positive_definite
+from curvescan.se2 import is_positive_definite
+from curvescan.se2.uncertain import UncertainPose, between
 from curvescan.types import Cov, Pose
 
 if TYPE_CHECKING:

@@ -12,7 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.types import Floats, Points, Pose
+from curvescan.types import Cov, Floats, Points, Pose
+
+LEAST_VARIANCE = 1e-18  # square metres and radians: a nanometre and a nanoradian
+_LEAST_DETERMINANT = 1e-13  # of correlations: below it rounding decides
 
 
 def wrap(angle: ArrayLike) -> Floats:
@@ -202,6 +205,16 @@ def _inverted(pose: list[float]) -> list[float]:
     x, y, theta = pose
     cos, sin = _cos_sin(theta)
     return [-cos * x - sin * y, sin * x - cos * y, _wrapped(-theta)]
+
+
+def is_positive_definite(cov: Cov) -> bool:
+    """Return whether a symmetric (3, 3) matrix is positive definite by more than rounding, from its correlations."""
+    (xx, xy, xt), (_, yy, yt), (_, _, tt) = cov.tolist()
+    if not min(xx, yy, tt) >= LEAST_VARIANCE:
+        return False
+    x, y, t = math.sqrt(xx), math.sqrt(yy), math.sqrt(tt)
+    a, b, c = xy / (x * y), xt / (x * t), yt / (y * t)
+    return bool(abs(a) < 1.0 and 1.0 + 2.0 * a * b * c - a * a - b * b - c * c > _LEAST_DETERMINANT)
 
 
 def _cos_sin(angle: float) -> tuple[float, float]:

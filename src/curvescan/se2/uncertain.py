@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from curvescan._jit import inlined, kernel
+from curvescan.se2 import LEAST_VARIANCE
 from curvescan.types import Cov, Floats, Pose
 from curvescan.types import UncertainPose as UncertainPose
 
@@ -19,10 +20,6 @@ def wrap_angle(angle: float) -> float:
     """Return an angle brought into (-pi, pi], radians; what lies inside keeps all its digits."""
     wrapped = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
     return math.pi if wrapped == -math.pi else wrapped
-
-
-_LEAST_VARIANCE = 1e-18  # square metres and radians: a nanometre and a nanoradian
-_LEAST_DETERMINANT = 1e-13  # of correlations: below it rounding decides
 
 
 def identity() -> UncertainPose:
@@ -49,16 +46,6 @@ def fuse(one: UncertainPose, other: UncertainPose) -> tuple[UncertainPose, float
     """Return the mean of two independent estimates of one pose, weighed by their covariances, and their distance."""
     pose, cov, distance = _fuse(one.pose, one.covariance, other.pose, other.covariance)
     return UncertainPose(pose, cov), distance
-
-
-def is_positive_definite(cov: Cov) -> bool:
-    """Return whether a symmetric (3, 3) matrix is positive definite by more than rounding, from its correlations."""
-    (xx, xy, xt), (_, yy, yt), (_, _, tt) = cov.tolist()
-    if not min(xx, yy, tt) >= _LEAST_VARIANCE:
-        return False
-    x, y, t = math.sqrt(xx), math.sqrt(yy), math.sqrt(tt)
-    a, b, c = xy / (x * y), xt / (x * t), yt / (y * t)
-    return bool(abs(a) < 1.0 and 1.0 + 2.0 * a * b * c - a * a - b * b - c * c > _LEAST_DETERMINANT)
 
 
 @kernel
@@ -131,9 +118,9 @@ def _inverse(pose_ab: Pose, cov_ab: Cov) -> tuple[Pose, Cov]:
 def inverse3(m: Cov) -> Cov:
     """Return the inverse of a symmetric positive definite matrix, by cofactors of it scaled to a unit diagonal."""
     # a matcher's covariance may not be positive where its fit is degenerate: no square root of that
-    x = 1.0 / math.sqrt(max(m[0, 0], _LEAST_VARIANCE))
-    y = 1.0 / math.sqrt(max(m[1, 1], _LEAST_VARIANCE))
-    z = 1.0 / math.sqrt(max(m[2, 2], _LEAST_VARIANCE))
+    x = 1.0 / math.sqrt(max(m[0, 0], LEAST_VARIANCE))
+    y = 1.0 / math.sqrt(max(m[1, 1], LEAST_VARIANCE))
+    z = 1.0 / math.sqrt(max(m[2, 2], LEAST_VARIANCE))
     a, b, c = m[0, 1] * x * y, m[0, 2] * x * z, m[1, 2] * y * z
     determinant = 1.0 + 2.0 * a * b * c - a * a - b * b - c * c
     inverse = np.empty((3, 3))

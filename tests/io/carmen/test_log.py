@@ -326,8 +326,7 @@ def test_last_line_cut_short_by_the_end_of_the_file(tmp_path: Path, n_cut: int) 
     path.write_bytes(path.read_bytes().rstrip().rsplit(b" ", 1)[0][: -n_cut or None])
     log = CarmenLog(path)
     assert [scan.stamp for scan in log] == [1.0]
-    assert rules(log) == {"last line cut short: what stands before is read": (1, "line 2")}
-    assert log.read_errors[0].is_end
+    assert rules(log) == {CUT: (1, "line 2")}
 
 
 def test_bytes_that_are_no_text_do_not_stop_the_reader(tmp_path: Path) -> None:

@@ -43,7 +43,6 @@ class ReadError:
         return f"{self.rule} ({self.count} times, first in {self.first})"
 
 
-_OPEN_LINE = "last line cut short: what stands before is read"
 _NUMBER = re.compile(r"\b\d[\w.+-]*")  # a rule broken by another number is the same rule
 
 
@@ -53,11 +52,9 @@ class ReadErrorCounter:
     def __init__(self, unit: str = "line") -> None:
         self._unit = unit
         self._found: dict[str, ReadError] = {}  # by rule without its numbers
-        self.open_line = 0  # number of the last line of a text that ends without a newline
 
     def add(self, rule: str, number: int) -> None:
         """Count one breach of `rule`, a phrase such as ``"FLASER line cut short"``."""
-        rule = _OPEN_LINE if number == self.open_line else rule
         kind = _NUMBER.sub("", rule)
         known = self._found.get(kind) or ReadError(rule=rule, count=0, first=f"{self._unit} {number}")
         self._found[kind] = replace(known, count=known.count + 1)
@@ -154,7 +151,6 @@ def read_lines(path: Path, read_errors: ReadErrorCounter) -> Iterator[tuple[int,
     if is_dropping:
         read_errors.add(LONG_LINE, number + 1)
     elif tail:
-        read_errors.open_line = number + 1
         yield _unmarked(number + 1, start, tail)
 
 
