@@ -202,7 +202,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "benchmarks": (485, 23, 0),
     "cli": (2555, 15, 0),
     "diagnostics": (1944, 57, 0),
-    "editing": (456, 2, 0),
+    "editing": (454, 2, 0),
     "engines": (783, 2, 0),
     "evaluation": (834, 15, 0),
     "io": (5959, 38, 0),
@@ -219,7 +219,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "runs/batch": (1626, 5, 0),
     "se2": (394, 0, 0),
     "simulation": (1954, 85, 0),
-    "slam": (4000, 56, 18),
+    "slam": (3996, 56, 18),
 }
 """Lines, tuned numbers and config fields that a room may have: they go down, and this table with them."""
 

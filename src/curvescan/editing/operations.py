@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError, MapTooLargeError
+from curvescan.errors import InvalidArgumentError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.grid_editing import Box, check_box, overlaid, wall_angle
 from curvescan.mapping.occupancy import OccupancyGrid
@@ -34,12 +33,11 @@ class Change:
 
 
 def remapped(slam_map: SlamMap, **fields: Any) -> SlamMap:
-    """Return a map with other fields; its occupancy, where it has one, is made anew of its keyframes."""
-    changed = replace(slam_map, grid=None, **fields)
-    if slam_map.grid is not None:
-        with suppress(MapTooLargeError):  # then without
-            return replace(changed, grid=changed.occupancy(slam_map.grid.config))
-    return changed
+    """Return a map with other fields, its occupancy to be made anew of its keyframes in the same way."""
+    grid = slam_map.grid
+    if grid is not None:
+        grid = replace(grid, log_odds=np.empty((0, 0), dtype=np.float32))
+    return replace(slam_map, grid=grid, **fields)
 
 
 def resampled(slam_map: SlamMap, resolution: float) -> SlamMap:

@@ -26,7 +26,7 @@ class SlamMap:
     (n, 3, 3), the first keyframe known exactly; `indices` (n,), number of the scan in its session; `sessions` (n,). Of
     each edge: `ends` (m, 2), keyframes i and j; `measured` (m, 3), pose of j in the frame of i; `edge_covariances`
     (m, 3, 3); `kinds` (m,), an EdgeKind; `weights` (m,) in [0, 1]. `grid`: occupancy from all scans of a run, None
-    where only the keyframes can tell. Poses are [x, y, theta], metres, metres, radians, float64; numbers int64.
+    or without cells where only the keyframes can tell. Poses are [x, y, theta], metres, radians, float64; rows int64.
     """
 
     scans: tuple[LaserScan, ...]
@@ -73,7 +73,9 @@ class SlamMap:
     def occupancy(self, config: OccupancyConfig | None = None) -> OccupancyGrid:
         """Return the occupancy that was stored; with a config, or where none was, that of the keyframes."""
         if config is None and self.grid is not None:
-            return self.grid
+            if self.grid.log_odds.size:
+                return self.grid
+            config = self.grid.config
         builder = OccupancyBuilder(config)
         for scan, pose in zip(self.scans, self.poses, strict=True):
             builder.add(scan, pose)

@@ -19,7 +19,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import MAX_BYTES, OccupancyGrid
 from curvescan.scan import LaserScan
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Cov, Floats
+from curvescan.types import Floats
 
 if TYPE_CHECKING:
     from curvescan.slam.map import SlamMap
@@ -28,6 +28,7 @@ VERSION = 1
 """Of the format that is written; files of this version and of those before it are read."""
 
 _UPPER = np.triu_indices(3)
+_WHOLE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # the elements of a symmetric matrix among those of its upper half
 _GRID = (
     "resolution", "hit", "miss", "lowest", "highest", "occupied_from", "free_to", "clear_no_return",
 )  # fmt: skip
@@ -111,7 +112,7 @@ def _map_of(arrays: dict[str, Floats]) -> dict[str, Any]:
                 raise ValueError(f"{name} must have shape {(n, *row)}, got {arrays[name].shape}")
             if name != "setups" and not np.isfinite(arrays[name]).all():
                 raise ValueError(f"{name} must be finite")
-    ends, edge_covariances = arrays["edge_ends"].astype(np.int64), _full(arrays["edge_covariances"])
+    ends, edge_covariances = arrays["edge_ends"].astype(np.int64), arrays["edge_covariances"][:, _WHOLE]
     if not ((ends >= 0) & (ends < sizes[0])).all() or (ends[:, 0] == ends[:, 1]).any():
         raise ValueError("an edge joins keyframes that are not there")
     if not ((arrays["edge_weights"] >= 0.0) & (arrays["edge_weights"] <= 1.0)).all():
@@ -123,7 +124,7 @@ def _map_of(arrays: dict[str, Floats]) -> dict[str, Any]:
     return {
         "scans": _scans_of(arrays),
         "poses": arrays["poses"],
-        "covariances": _full(arrays["covariances"]),
+        "covariances": arrays["covariances"][:, _WHOLE],
         "indices": arrays["indices"].astype(np.int64),
         "sessions": arrays["sessions"].astype(np.int64),
         "ends": ends[used],
@@ -163,10 +164,3 @@ def _grid_of(arrays: dict[str, Floats]) -> OccupancyGrid | None:
     if log_odds.ndim != 2 or origin.shape != (2,) or not (np.isfinite(origin).all() and np.isfinite(log_odds).all()):
         raise ValueError("its occupancy grid must have rows and columns of finite numbers")
     return OccupancyGrid(log_odds=log_odds, origin=origin, config=OccupancyConfig(clear_no_return=is_clear, **values))
-
-
-def _full(rows: Floats) -> Cov:
-    found: Cov = np.empty((len(rows), 3, 3))
-    found[:, _UPPER[0], _UPPER[1]] = rows
-    found[:, _UPPER[1], _UPPER[0]] = rows
-    return found
