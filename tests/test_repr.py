@@ -50,6 +50,13 @@ def objects():
     }
 
 
+def test_a_run_of_one_scan_says_so(objects):
+    run = cs.run([objects["scan"][0]])
+    assert ", 1 scan, 0 not matched" in repr(run)
+    assert repr(run.record) == "RunRecord('curvescan': 1 scan, 0 not matched)"
+    assert repr(cs.simulate("office", n_scans=1, seed=1)).startswith("Simulation('office (seed 1)': 1 scan of ")
+
+
 NAMES = (
     "scan prepared match candidate uncertain failed simulation world pair slice held trajectory empty run record "
     "odometry step localizer builder "
