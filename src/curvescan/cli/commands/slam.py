@@ -175,7 +175,7 @@ def localize(
     """Find and follow the sensor of a log in a map, with no guess.
 
     Writes trajectory.tum and trajectory.csv (poses in the frame of the map with covariances, NaN while the sensor is
-    searched for), map.png and run.json.
+    searched for), map.png, wheels.png (the map by the log's wheel odometry) and run.json.
 
     Parameters
     ----------
