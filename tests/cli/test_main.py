@@ -301,6 +301,11 @@ def test_a_command_that_does_not_exist_is_told_with_the_nearest(capsys):
     assert (
         "there is no command 'odometri': did you mean 'odometry'? all commands: curvescan -h" in capsys.readouterr().err
     )
+    assert run(["-x", "info"]) == 2
+    assert "there is no command '-x': all commands: curvescan -h" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match=r"^0$"):
+        run(["--help-all"])
+    assert "odometry" in capsys.readouterr().out
     assert run(["fly"]) == 2
     assert "there is no command 'fly': all commands: curvescan -h" in capsys.readouterr().err
 

@@ -75,7 +75,7 @@ def _run(arguments: list[str]) -> int:
         if (text := _help(arguments)) is not None:
             print(text)
             return DONE
-        if arguments[0] not in COMMANDS and not arguments[0].startswith("--tyro"):
+        if arguments[0] not in COMMANDS and not arguments[0].startswith(("--tyro", HELP_ALL)):
             name, meant = printable(arguments[0], MAX_NAME), nearest(arguments[0], COMMANDS)
             print(f"curvescan: there is no command {name!r}: {meant}all commands: curvescan -h", file=sys.stderr)
             return BAD_COMMAND_LINE
