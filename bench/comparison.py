@@ -59,7 +59,9 @@ class Row:
     def command(self) -> str:
         """The command that gives the trajectory."""
         flags = f" --method {self.method}" * (self.method != DEFAULT_METHOD)
-        return f"curvescan {self.task} {self.log}.clf --out out{flags}" + (" --odometry-prior" * self.wheels)
+        return f"curvescan {self.task} {self.log}.clf --out out{flags}" + (
+            " --odometry-prior" if self.wheels else " --laser-only"
+        )
 
 
 def rows_wanted(logs: list[str], methods: list[str]) -> Iterator[tuple[str, str, str, bool]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import re
@@ -124,6 +125,24 @@ def test_the_reference_lists_every_public_name():
     # constants and modules are described in sentences, not on pages of their own
     described = {name for name in ("MATCHERS", "datasets", "plot", "se2") if re.search(rf"\b{name}``", text)}
     assert set(cs.__all__) - {"__version__"} <= listed | described
+
+
+def test_the_reference_lists_what_the_guide_imports_and_names():
+    text = (DOCS / "reference/api.rst").read_text(encoding="utf-8")
+    listed, module = set(), ""
+    for line in text.splitlines():
+        if found := re.match(r"\.\. currentmodule:: (\S+)$", line):
+            module = found[1]
+        elif found := re.match(r"   ([A-Za-z_]\w*)$", line):
+            listed.add(found[1])
+            assert hasattr(importlib.import_module(module), found[1]), f"{module} has no {found[1]}"
+    for path in _documents():
+        named = re.findall(r"`(curvescan\.[\w.]+)\.(\w+)[(`]", path.read_text(encoding="utf-8"))
+        for module, imported in re.findall(r"^from (curvescan[\w.]*) import (.*)$", _blocks(path), re.M):
+            named += [(module, name) for name in imported.split(", ")]
+        if "design-notes" not in path.parts:
+            things = [name for module, name in named if callable(getattr(importlib.import_module(module), name, None))]
+            assert set(things) <= listed, _name(path)
 
 
 def _figures_of_the_comparison() -> set[float]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import curvescan as cs
 from curvescan.simulation import simulate_pairs
+from curvescan.slam.loops.closures import Closure, ClosureOutcome
 from tests.scenes import room_scan
 
 
@@ -28,6 +30,19 @@ def objects():
             cs.UncertainPose((1.0, 2.0, 0.5), [[0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.01]]),
             "UncertainPose(x=1.0",
         ),
+        "closure": (
+            Closure(
+                scan=3,
+                i=0,
+                j=7,
+                pose=np.array([1.0, 0.5, 0.1]),
+                covariance=np.eye(3),
+                score=0.9,
+                distance=1.0,
+                outcome=ClosureOutcome.ACCEPTED,
+            ),
+            "Closure(0 to 7: ACCEPTED, x=1.000 m, y=0.500 m, theta=0.1000 rad)",
+        ),
         "failed": (cs.match(*[cs.LaserScan([1.0], angle_min=0.0, angle_increment=0.1)] * 2), "MatchResult(curvescan: "),
         "simulation": (simulated, "Simulation('office"),
         "world": (simulated.world, "World('office'"),
@@ -48,6 +63,13 @@ def objects():
         "grid": (builder.grid(), "OccupancyGrid("),
         "edge": (cs.PoseEdge(i=1, j=2, pose=(1.0, 2.0, 0.5), covariance=None), "PoseEdge(1 -> 2: x=1.0000 m"),
     }
+
+
+def test_a_run_of_one_scan_says_so(objects):
+    run = cs.run([objects["scan"][0]])
+    assert ", 1 scan, 0 not matched" in repr(run)
+    assert repr(run.record) == "RunRecord('curvescan': 1 scan, 0 not matched)"
+    assert repr(cs.simulate("office", n_scans=1, seed=1)).startswith("Simulation('office (seed 1)': 1 scan of ")
 
 
 NAMES = (

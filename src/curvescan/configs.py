@@ -75,6 +75,11 @@ def nearest(name: object, known: Iterable[str]) -> str:
     return f"did you mean {near[0]!r}? " if near else ""
 
 
+def counted(count: int, noun: str) -> str:
+    """Return a number with its noun, which has an s but after 1: ``"1 scan"``, ``"2,000 scans"``."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
 def look_up(table: Mapping[str, _T], name: object, what: str) -> _T:
     """Return an entry of a table by its name; a name that it does not have is an error with the nearest one."""
     if isinstance(name, str) and name in table:

@@ -301,8 +301,47 @@ def test_a_command_that_does_not_exist_is_told_with_the_nearest(capsys):
     assert (
         "there is no command 'odometri': did you mean 'odometry'? all commands: curvescan -h" in capsys.readouterr().err
     )
+    assert run(["-x", "info"]) == 2
+    assert "there is no command '-x': all commands: curvescan -h" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match=r"^0$"):
+        run(["--help-all"])
+    assert "odometry" in capsys.readouterr().out
     assert run(["fly"]) == 2
     assert "there is no command 'fly': all commands: curvescan -h" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ("odometry LOG --nofl", "odometry does not take '--nofl'; help: curvescan odometry -h"),
+        ("odometry LOG --lazer-only", "'--lazer-only': did you mean '--laser-only'?; help: curvescan odometry -h"),
+        ("odometry LOG --mounts", "odometry does not take '--mounts'; help: curvescan odometry -h"),
+        ("slam LOG --range-max x", "--range-max takes a number, got 'x'; help: curvescan slam -h"),
+        ("slam LOG --drop 1 x", "--drop takes I J, got '1 x'; help: curvescan slam -h"),
+        ("localize A --map B --initial-pose 1 2 x", "--initial-pose takes X Y DEG [M DEG], got '1 2 x'; help: "),
+        ("odometry LOG --out", "--out takes PATH, got nothing; help: curvescan odometry -h"),
+        ("match LOG a 1", "I takes a whole number, got 'a'; help: curvescan match -h"),
+        ("match LOG 1", "Missing from curvescan match: J Number of the current scan, from 0; help: curvescan match -h"),
+        ("odometry LOG --chain x", "invalid choice 'x' for argument '--chain'. Expected one of ('auto', 'keys', "),
+        ("odometry LOG --map.resolution 0", "resolution must be a positive number of metres, got 0.0; help: "),
+    ],
+)
+def test_a_wrong_command_line_is_one_sentence_that_names_the_commands_own_help(arguments, sentence, capsys):
+    with pytest.raises(SystemExit, match=r"^2$"):
+        run(arguments.split())
+    printed = capsys.readouterr()
+    assert sentence in printed.err
+    assert printed.err.startswith("curvescan: ")
+    assert printed.err.count("\n") == 1
+    assert printed.out == ""
+
+
+def test_scans_that_do_not_match_are_one_sentence(log, tmp_path, capsys):
+    arguments = ["match", str(log), "0", "1", "--out", str(tmp_path / "m")]
+    assert run([*arguments, "--method", "cfsma", "--cfsma.landmarks.min-similarity", "1"]) == 3
+    printed = capsys.readouterr().out
+    assert "; what helps: scans that share more" in printed
+    assert ".;" not in printed
 
 
 def test_results_have_a_folder_of_their_own_by_default(log, tmp_path, capsys, monkeypatch):

@@ -14,13 +14,16 @@ from matplotlib.image import imread
 
 import curvescan as cs
 from curvescan.configs import as_plain
-from curvescan.io import read_csv, read_tum
+from curvescan.evaluation.reference import reference_errors
+from curvescan.io import Trajectory, read_csv, read_poses, read_tum
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupied_cells import occupied_cells
+from curvescan.mapping.run_maps import RunMaps
 from curvescan.matchers import MATCHERS
 from curvescan.matchers.cfsma.config import CfSmaConfig, LandmarksConfig
-from curvescan.plots.colours import FAILED
-from curvescan.plots.map import as_place, draw_graph, drawing
+from curvescan.plots.colours import FAILED, GREY
+from curvescan.plots.evaluation import draw_reference_errors
+from curvescan.plots.map import as_place, draw_cells, draw_graph, draw_map, drawing, drawing_places
 from curvescan.plots.match import save_match
 from curvescan.simulation import simulate
 from tests.runs.test_run import FILES
@@ -159,6 +162,68 @@ def test_the_name_of_a_log_is_no_formula_and_no_warning(tmp_path, name):
     with drawing(tmp_path / "a.png", 2.0, 2.0) as figure:
         as_place(figure.subplots(), f"{name}: 3 scans")
     assert (tmp_path / "a.png").stat().st_size > 1000
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """Collect title, legend and axes of each figure that is saved, by the name of its file."""
+    figures = {}
+
+    def save(figure, path, **_):
+        labels = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+        figures[path.name] = ([axes.get_title() for axes in figure.axes], labels, figure.axes)
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", save)
+    return figures
+
+
+def test_the_map_of_a_localization_names_what_it_shows(tmp_path, log, drawn):
+    slam_map = cs.run(log, engine="slam").map
+    for name, scans in (("found", log), ("lost", [cs.LaserScan([1.0] * 8, angle_min=0.0, angle_increment=0.1)] * 2)):
+        drawn.clear()
+        record = cs.localize(scans, map=slam_map).record
+        maps = RunMaps(standing=slam_map.occupancy().occupied_centres, moved=np.empty((0, 2)))
+        draw_map(tmp_path / "map.png", record, maps, title="log")
+        [title], labels, _ = drawn["map.png"]
+        if name == "found":
+            assert (title, labels) == ("log", ["saved map", "path in the saved map", "start", "end"])
+        else:
+            assert (title, labels) == ("log: not found in the map", ["saved map"])
+
+
+def test_cells_are_drawn_as_large_as_they_are(tmp_path, drawn):
+    for metres in (1.0, 4.0, 16.0):
+        points = np.array([[0.0, 0.0], [metres, metres]])
+        with drawing_places(tmp_path / "a.png", points) as [axes]:
+            as_place(axes)
+            draw_cells(axes, points, GREY, "cells")
+        [axes] = drawn["a.png"][2]
+        size = axes.get_window_extent().width / axes.figure.dpi * 72.0 * 0.05 / np.ptp(axes.get_xlim())
+        # so that cells side by side touch, though marks snap to pixels of half a point
+        assert size <= axes.lines[0].get_markersize() <= 1.2 * size + 0.6
+
+
+def test_the_graph_names_its_keyframes_and_its_cells(tmp_path, log, drawn):
+    slam_map = cs.run(log, engine="slam").map
+    draw_graph(tmp_path / "graph.png", slam_map, np.ones((1, 2)), np.empty((0, 2)), title="graph")
+    labels = drawn["graph.png"][1]
+    assert {"map from scan matching", f"keyframes ({len(slam_map)})"} <= set(labels)
+
+
+def test_curvature_is_that_of_cfsma_whatever_the_method(tmp_path, drawn):
+    scan = room_scan(sigma=0.01)
+    save_match(tmp_path, cs.match(scan, scan), scans=(scan, scan), names=("one", "two"), cfsma=CfSmaConfig())
+    assert drawn["curvature.png"][0] == ["one: CF-SMA", "two: CF-SMA"]
+
+
+def test_the_median_of_errors_has_a_unit(tmp_path, drawn):
+    log = simulate("room", n_scans=30, seed=3)
+    run = cs.run(log)
+    cs.write_tum(tmp_path / "truth.tum", Trajectory(stamps=run.trajectory.stamps, poses=log.truth.poses))
+    errors = reference_errors(run.trajectory, read_poses(tmp_path / "truth.tum"))
+    draw_reference_errors(tmp_path / "errors.png", errors)
+    titles = drawn["errors.png"][0]
+    assert [title.rsplit(" ", 1)[1] for title in titles if "median" in title] == ["m", "deg"]
 
 
 def test_the_graph_marks_where_matches_contradict_the_map(tmp_path, log):

@@ -21,6 +21,7 @@ from curvescan.cli.commands.results import edit_map, evaluate, view
 from curvescan.cli.commands.slam import localize, odometry, slam
 from curvescan.cli.console import with_flags
 from curvescan.cli.help import overview, short_help
+from curvescan.cli.mistakes import mistakes_in_sentences
 from curvescan.cli.options import config_tables
 from curvescan.configs import nearest
 from curvescan.errors import CurvescanError
@@ -74,20 +75,16 @@ def _run(arguments: list[str]) -> int:
         if (text := _help(arguments)) is not None:
             print(text)
             return DONE
-        if not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
+        if arguments[0] not in COMMANDS and not arguments[0].startswith(("--tyro", HELP_ALL)):
             name, meant = printable(arguments[0], MAX_NAME), nearest(arguments[0], COMMANDS)
             print(f"curvescan: there is no command {name!r}: {meant}all commands: curvescan -h", file=sys.stderr)
             return BAD_COMMAND_LINE
         if HELP_ALL in arguments:
             arguments = ["--help" if argument == HELP_ALL else argument for argument in arguments]
-        return int(
-            tyro.extras.subcommand_cli_from_dict(
-                _commands(arguments),
-                prog="curvescan",
-                description="2D laser scan matching: scans in; motion, covariance, trajectory and map out.",
-                args=arguments,
-            )
-        )
+        commands = {name: _deferred(command) for name, command in _commands(arguments).items()}
+        with mistakes_in_sentences(arguments[0], lambda: _parse(commands, [arguments[0], "--help"])):
+            work = _parse(commands, arguments)
+        return work()
     except CurvescanError as error:
         print(f"curvescan: {printable(with_flags(str(error)), MAX_SENTENCE)}", file=sys.stderr)
         return BAD_INPUT
@@ -104,6 +101,24 @@ def _run(arguments: list[str]) -> int:
         print(f"curvescan: cannot print: {error.strerror or error}; make room, or print elsewhere", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BAD_INPUT
+
+
+def _parse(commands: Mapping[str, Callable[..., Any]], arguments: list[str]) -> Callable[[], int]:
+    """Return the work that a command line asks for; print its help or what is wrong with it, and exit."""
+    about = "2D laser scan matching: scans in; motion, covariance, trajectory and map out."
+    parse: Any = tyro.extras.subcommand_cli_from_dict
+    work: Callable[[], int] = parse(dict(commands), prog="curvescan", description=about, args=arguments)
+    return work
+
+
+def _deferred(command: Callable[..., int]) -> Callable[..., Callable[[], int]]:
+    """Return a command with the same arguments that returns what would run it."""
+
+    @functools.wraps(command)
+    def deferred(*args: Any, **kwargs: Any) -> Callable[[], int]:
+        return functools.partial(command, *args, **kwargs)
+
+    return deferred
 
 
 def _help(arguments: list[str]) -> str | None:

@@ -9,6 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from curvescan.cli.console import ERR, OUT, propose_commands, table, with_flags
+from curvescan.configs import counted
 from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.evaluation.trajectory_errors import trajectory_errors
 from curvescan.odometry import StepOutcome
@@ -52,7 +53,7 @@ def summarise(result: Run) -> Table:
     """Return a table of how a run went: scans, failures by reason, end pose, time."""
     run, n_scans = result.record, len(result.log)
     n = len(run.outcomes)
-    title = f"{run.method}: {n:,} scans" + (f" of {n_scans:,} (partial)" if run.is_partial else "")
+    title = f"{run.method}: {counted(n, 'scan')}" + (f" of {n_scans:,} (partial)" if run.is_partial else "")
     rows = table(title, "", "count", "share")
     is_localized = isinstance(result.engine, Localizer)
     n_steps = n if is_localized else max(n - 1, 1)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from string import Formatter
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-from curvescan.configs import shipped_table
+from curvescan.configs import counted, shipped_table
 from curvescan.diagnostics.inspect import LogReport, ReadingCode
 
 _LOW_VALID_SHARE = 0.25
@@ -136,7 +136,7 @@ _REMEDIES: dict[str, Callable[[LogReport], Remedy | None]] = {
 }
 
 _FIGURES: dict[str, Figure] = {
-    "beam_counts": lambda r: ", ".join(f"{n} ({_counted(k, 'scan')})" for n, k in r.beam_counts.items()),
+    "beam_counts": lambda r: ", ".join(f"{n} ({counted(k, 'scan')})" for n, k in r.beam_counts.items()),
     "fixed": lambda r: "beams " + ", ".join(str(a) if a == b else f"{a} to {b}" for a, b in r.fixed_beams.runs),
     "or_gyroscope": lambda r: ", or the gyroscope's z axis points down" * (r.sense.reference == "gyroscope"),
     "bias_deg": lambda r: math.degrees(r.gyroscope.bias),
@@ -160,11 +160,7 @@ class Sentences(Formatter):
     def format_field(self, value: Any, format_spec: str) -> Any:
         """Return a figure as text; after "n " stands a noun that it counts."""
         is_count = format_spec.startswith("n ")
-        return _counted(value, format_spec[2:]) if is_count else super().format_field(value, format_spec)
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+        return counted(value, format_spec[2:]) if is_count else super().format_field(value, format_spec)
 
 
 def find_issues(report: LogReport) -> tuple[Issue, ...]:
@@ -173,7 +169,7 @@ def find_issues(report: LogReport) -> tuple[Issue, ...]:
     issues = []
     for e in report.read_errors:
         rest = "; the rest of the log is read" * ("is read" not in e.rule)
-        what = f"{e.rule}: {_counted(e.count, 'time')}, first in {e.first}{rest}"
+        what = f"{e.rule}: {counted(e.count, 'time')}, first in {e.first}{rest}"
         issues.append(Issue(topic="file", kind="read_error", what=what))
     issues += [Issue(topic="file", kind="note", what=note) for note in report.notes]
     for kind, row in shipped_table(__package__, "issues.toml").items():

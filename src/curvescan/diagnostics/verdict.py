@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from curvescan.configs import shipped_table
+from curvescan.configs import counted, shipped_table
 from curvescan.diagnostics.breaks import Break, find_ambiguous, find_frozen, find_torn, find_untied
 from curvescan.diagnostics.issues import Sentences
 from curvescan.diagnostics.preparation import PreparedLog
@@ -148,8 +148,8 @@ _FILL = Sentences(
             else "not found in the map"
         ),
         "where_open": lambda e: (
-            f"; in {np.count_nonzero(e.is_open):,} scans, up to {_longest(e.is_open):,} in a row, motion along one "
-            "direction is unobservable"
+            f"; in {counted(int(e.is_open.sum()), 'scan')}, up to {_longest(e.is_open):,} in a row, motion along "
+            "one direction is unobservable"
             if e.is_open.any()
             else ""
         ),

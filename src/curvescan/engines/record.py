@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from curvescan.configs import counted
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import Outcome
 from curvescan.odometry.step import MATCHES, Step, StepOutcome
@@ -72,7 +73,7 @@ class RunRecord:
 
     def __repr__(self) -> str:
         n_failed, partial = int(np.count_nonzero(self.is_failed)), ", interrupted" if self.is_partial else ""
-        return f"RunRecord({self.method!r}: {len(self.outcomes):,} scans, {n_failed:,} not matched{partial})"
+        return f"RunRecord({self.method!r}: {counted(len(self.outcomes), 'scan')}, {n_failed:,} not matched{partial})"
 
     @property
     def is_matched(self) -> Bools:

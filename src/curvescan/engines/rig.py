@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
+from curvescan.configs import counted
 from curvescan.deskew import deskew, middle_of_sweep
 from curvescan.engines.engine import Engine
 from curvescan.errors import InvalidArgumentError
@@ -240,7 +241,7 @@ class Rig:
             odometry=None if wheels is None else Trajectory(stamps=stamps, poses=poses_at(stamps, wheels.to_array())),
             name=laser.name,
             format=laser.format,
-            notes=(f"of {len(logs)} lasers, joined at the robot's base: {', '.join(logs)}",),
+            notes=(f"of {counted(len(logs), 'laser')}, joined at the robot's base: {', '.join(logs)}",),
         )
 
 

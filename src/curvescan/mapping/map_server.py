@@ -79,7 +79,8 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
     x, y = grid.origin.tolist()
     target = as_path(folder, "the folder of a map") / name
     picture = f"{target.name}.pgm"
-    image = json.dumps(picture, ensure_ascii=False)  # YAML has its texts in quotes alike
+    is_plain = re.fullmatch(r"[\w.-]+", picture)
+    image = picture if is_plain else json.dumps(picture, ensure_ascii=False)  # YAML has its texts in quotes alike
     try:
         with output_folder(target.parent) as new:
             with (new / picture).open("wb") as file:

@@ -28,7 +28,7 @@ class StepOutcome(Enum):
     HELD = "Matches keep failing: the sensor is taken to stand still."
     LOST = "Lost: nothing known before matches; the track starts anew, its place in the old one is unknown."
     SEARCHING = "Not found in the map yet."
-    FOUND = "Found in the map without a guess: no other place explains the scans as well."
+    FOUND = "Found in the map: no other place explains the scans as well."
     TRACKED = "Followed in the map: matched with its keyframes, now or a short way before."
 
 

@@ -26,12 +26,12 @@ def draw_relation_errors(path: Path, errors: RelationErrors) -> None:
                 ("far", ~errors.is_near, errors.between, "path between the two scans [m]"),
             )
         ):
-            for column, (what, values) in enumerate(
-                (("translation error [m]", errors.translation), ("rotation error [deg]", np.degrees(errors.rotation)))
+            for column, (what, values, unit) in enumerate(
+                (("translation", errors.translation, "m"), ("rotation", np.degrees(errors.rotation), "deg"))
             ):
                 axes = figure.add_subplot(2, 2, 2 * row + column + 1)
-                _scatter(axes, x[chosen], values[chosen], f"{np.count_nonzero(chosen):,} {name} relations")
-                axes.set(xlabel=label, ylabel=what)
+                _scatter(axes, x[chosen], values[chosen], f"{np.count_nonzero(chosen):,} {name} relations", unit)
+                axes.set(xlabel=label, ylabel=f"{what} error [{unit}]")
 
 
 def draw_relation_places(path: Path, errors: RelationErrors, trajectory: Trajectory) -> None:
@@ -70,12 +70,12 @@ def draw_reference_errors(path: Path, errors: ReferenceErrors) -> None:
             axes.set(xlabel="path travelled [m]", ylabel=what)
         largest = max(float(values.max()) for values in position.values())
         panels[0].set_ylim(0.0, 1.05 * largest or 1.0)
-        for axes, what, values in (
-            (panels[2], "translation error of each metre [m]", errors.rpe_metre.translation),
-            (panels[3], "rotation error of each metre [deg]", np.degrees(errors.rpe_metre.rotation)),
+        for axes, what, values, unit in (
+            (panels[2], "translation", errors.rpe_metre.translation, "m"),
+            (panels[3], "rotation", np.degrees(errors.rpe_metre.rotation), "deg"),
         ):
-            _scatter(axes, length[errors.rpe_metre.stop], values, f"{len(values):,} motions")
-            axes.set(xlabel="path travelled [m]", ylabel=what)
+            _scatter(axes, length[errors.rpe_metre.stop], values, f"{len(values):,} motions", unit)
+            axes.set(xlabel="path travelled [m]", ylabel=f"{what} error of each metre [{unit}]")
 
 
 def draw_overlay(path: Path, errors: ReferenceErrors) -> None:
@@ -91,7 +91,7 @@ def draw_overlay(path: Path, errors: ReferenceErrors) -> None:
         as_place(axes)
 
 
-def _scatter(axes: Axes, x: Floats, values: Floats, title: str) -> None:
+def _scatter(axes: Axes, x: Floats, values: Floats, title: str, unit: str) -> None:
     """Plot errors on a logarithmic scale with their median; what is exactly right stands at the bottom."""
     positive = values[values > 0.0]
     if positive.size == 0:  # no error has a logarithm
@@ -102,5 +102,5 @@ def _scatter(axes: Axes, x: Floats, values: Floats, title: str) -> None:
     axes.plot(x, np.maximum(values, floor), ".", color=DARK, ms=4, alpha=0.5, mew=0)
     median = float(np.median(values))
     axes.axhline(max(median, floor), color=PATH, lw=1.0, ls="--")
-    axes.set_title(f"{title}, median {median:.3g}")
+    axes.set_title(f"{title}, median {median:.3g} {unit}")
     axes.set_yscale("log")

@@ -21,6 +21,7 @@ from curvescan.io.log import Log
 from curvescan.mapping.occupancy import Blocks
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps
+from curvescan.odometry.step import IN_MAP
 from curvescan.plots.colours import DARK, FAILED, GREY, LIGHT, PAIRED, PATH, TRUTH, WHEELS
 from curvescan.slam.loops.closures import is_loop
 from curvescan.slam.map import SlamMap
@@ -92,24 +93,28 @@ def draw_truth(axes: Axes, poses: Pose) -> None:
 def mark_ends(axes: Axes, poses: Pose, colour: str = PATH) -> None:
     """Mark where a path of (n, 3) poses starts and ends; nothing where it has none."""
     for mark, end, label in (("o", poses[:1], "start"), ("s", poses[-1:], "end")):
-        axes.plot(*end[:, :2].T, mark, color="white", mec=colour, mew=1.4, ms=6, label=label)
+        if len(end):
+            axes.plot(*end[:, :2].T, mark, color="white", mec=colour, mew=1.4, ms=6, label=label)
 
 
 def draw_map(path: Path, run: RunRecord, place: RunMaps, *, title: str, truth: Pose | None = None) -> None:
     """Save the map of a run as a picture; truth (>= n, 3)."""
-    poses, failed = run.trajectory.poses, run.is_failed
+    poses = run.trajectory.poses
     known = poses[np.isfinite(poses[:, 0])]
+    failed = run.is_failed & np.isfinite(poses[:, 0])
     cells, moved_cells = place.standing, place.moved
+    is_localized = not {*IN_MAP[:-1]}.isdisjoint(run.outcomes)
     true_poses = None if truth is None else from_first(truth[: len(poses)])
     everything = [cells, moved_cells, poses[:, :2], np.zeros((1, 2))]
     with drawing_places(path, np.concatenate(everything), legend=3) as [axes]:
-        as_place(axes, title)
-        if len(moved_cells):
-            draw_cells(axes, moved_cells, GREY, "moved while the sensor passed")
-        draw_cells(axes, cells, DARK, "map from scan matching")
+        as_place(axes, title if len(known) else f"{title}: not found in the map")
+        draw_cells(axes, moved_cells, GREY, "moved while the sensor passed")
+        draw_cells(axes, cells, DARK, "saved map" if is_localized else "map from scan matching")
         if true_poses is not None:
             draw_truth(axes, true_poses)
-        axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label="scan matching")
+        if len(known):
+            label = "path in the saved map" if is_localized else "scan matching"
+            axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label=label)
         if failed.any():
             label = f"match failed ({np.count_nonzero(failed):,} of {max(len(poses) - 1, 1):,})"
             axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=3.5, mew=0.8, label=label)
@@ -131,11 +136,17 @@ def from_first(poses: Pose) -> Pose:
 
 
 def draw_cells(axes: Axes, cells: Points, colour: str, label: str) -> None:
-    """Draw (k, 2) cells of 0.05 m on the axes of a map."""
-    # as large as a cell of 0.05 m on paper, but never too small to see
-    size = np.clip(72.0 * 9.0 * 0.05 / np.ptp(axes.get_xlim()), 0.7, 3.0)
-    axes.plot(*cells.T, "s", color=colour, ms=size, mew=0)
-    axes.plot([], [], "s", color=colour, ms=4, mew=0, label=label)
+    """Draw (k, 2) cells of 0.05 m on the axes of a map; of none nothing, and no legend."""
+    if len(cells):
+        axes.plot(*cells.T, "s", color=colour, ms=_on_paper(axes, 0.05), mew=0)
+        axes.plot([], [], "s", color=colour, ms=4, mew=0, label=label)
+
+
+def _on_paper(axes: Axes, metres: float) -> float:
+    """Return how long so many metres are on the axes of a map, points, and a pixel more: marks snap to pixels."""
+    width = axes.bbox.width / axes.figure.dpi
+    width *= 1.2  # the layout will widen the axes so
+    return 72.0 * (width * metres / float(np.ptp(axes.get_xlim())) + 1.0 / _DPI)
 
 
 def draw_side_by_side(path: Path, log: Log, tracks: Mapping[str, Pose], truth: Pose | None = None) -> None:
@@ -159,9 +170,9 @@ def draw_graph(path: Path, slam_map: SlamMap, cells: Points, refused: Points, *,
     is_used = np.asarray(slam_map.weights > 0.5)
     sessions = np.asarray(slam_map.sessions)[slam_map.ends]
     closes = is_loop(slam_map.ends[:, 0], slam_map.ends[:, 1]) | (sessions[:, 0] != sessions[:, 1])
-    with drawing_places(path, np.concatenate((cells, slam_map.poses[:, :2])), legend=4) as [axes]:
+    with drawing_places(path, np.concatenate((cells, slam_map.poses[:, :2])), legend=3) as [axes]:
         as_place(axes, title)
-        axes.plot(*cells.T, "s", color=GREY, ms=0.7, mew=0)
+        draw_cells(axes, cells, GREY, "map from scan matching")
         for chosen, colour, label in (
             (is_closure & is_used & closes, PAIRED, "loop closures"),
             (is_closure & is_used & ~closes, LIGHT, "matches of neighbours"),
@@ -172,7 +183,9 @@ def draw_graph(path: Path, slam_map: SlamMap, cells: Points, refused: Points, *,
                 lines = list(slam_map.poses[slam_map.ends[chosen], :2])
                 axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.4))
                 axes.plot([], [], color=colour, lw=1.0, label=f"{label} ({len(lines):,})")
-        axes.plot(*slam_map.poses[:, :2].T, ".", color=PATH, ms=2, mew=0)
+        size = min(_on_paper(axes, 0.1), 4.0)
+        axes.plot(*slam_map.poses[:, :2].T, "o", color=DARK, ms=size, mew=0)
+        axes.plot([], [], "o", color=DARK, ms=4, mew=0, label=f"keyframes ({len(slam_map.poses):,})")
         if len(refused):
             axes.plot(*refused.T, "o", color=FAILED, mfc="none", ms=18, label="contradicted by matches")
 

@@ -90,7 +90,7 @@ def draw_curvature(path: Path, trace: CfSmaTrace, names: tuple[str, str], min_cu
             axes.margins(x=0.01)
             axes.axhline(min_curvature, color=PATH, lw=1.0, ls="--", label=f"±U_p = {min_curvature:g} rad")
             axes.axhline(-min_curvature, color=PATH, lw=1.0, ls="--")
-            axes.set_title(name)
+            axes.set_title(f"{name}: CF-SMA", parse_math=False)
             axes.set_ylabel("curvature index [rad]")
         bottom.set_xlabel("reading along the sweep (valid readings, counter-clockwise)")
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from curvescan.configs import counted
 from curvescan.diagnostics.issues import Issue
 from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.diagnostics.verdict import Verdict
@@ -141,8 +142,9 @@ class Run:
         what = names.get(type(self.engine), "odometry")
         partial = ", interrupted" * self.record.is_partial
         trusted = "trusted" if self.verdict.is_trusted else "not to be trusted"
-        written = f", {len(self.files)} files written" if self.files else ""
-        return f"Run({self.log.name!r}: {what}, {n:,} scans, {n_failed:,} not matched{partial}, {trusted}{written})"
+        written = f", {counted(len(self.files), 'file')} written" if self.files else ""
+        scans = counted(n, "scan")
+        return f"Run({self.log.name!r}: {what}, {scans}, {n_failed:,} not matched{partial}, {trusted}{written})"
 
     def _repr_png_(self) -> bytes | None:
         from matplotlib.figure import Figure

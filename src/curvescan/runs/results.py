@@ -18,7 +18,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan._version import __version__
-from curvescan.configs import as_plain
+from curvescan.configs import as_plain, counted
 from curvescan.engines.engine import is_deskewed, odometry_of
 from curvescan.engines.odometry_process import OdometryProcess
 from curvescan.errors import OutputError
@@ -57,7 +57,7 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
     write_tum(folder / "trajectory.tum", record.trajectory)
     write_csv(folder / "trajectory.csv", record.trajectory, [o.name.lower() for o in record.outcomes])
     n, what = len(record.outcomes), {Slam: "SLAM", Localizer: "localization"}.get(type(engine), "")
-    title = ", ".join(filter(None, (f"{run.log.name}: {n:,} scans", record.method, what)))
+    title = ", ".join(filter(None, (f"{run.log.name}: {counted(n, 'scan')}", record.method, what)))
     title += f" (partial: interrupted, {len(run.log):,} scans in all)" * record.is_partial
     graph = engine.map if isinstance(engine, Slam) else None
     beside: Beside = partial if helper is None else helper.call_after

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
+from curvescan.configs import counted
 from curvescan.errors import InvalidArgumentError, require
 from curvescan.io.files.lines import ReadError
 from curvescan.io.log import ScanAccess
@@ -53,7 +54,7 @@ class Simulation(ScanAccess):
         return map(self._scan_at, range(len(self)))
 
     def __repr__(self) -> str:
-        return f"Simulation({self.name!r}: {len(self):,} scans of {self.sensor.name} in {self.world.name})"
+        return f"Simulation({self.name!r}: {counted(len(self), 'scan')} of {self.sensor.name} in {self.world.name})"
 
     def _scan_at(self, i: int) -> LaserScan:
         return as_scan(self.ranges[i], self.sensor, float(self.truth.stamps[i]))

@@ -400,7 +400,7 @@ def test_the_command_writes_what_one_command_a_log_writes(flags, tmp_path, capsy
     (tmp_path / "broken.npz").unlink()
     capsys.readouterr()
     assert command([*words, "--resume"]) == 0
-    assert "1 logs (1 stood from before): 1 trusted" in capsys.readouterr().out
+    assert "1 log (1 stood from before): 1 trusted" in capsys.readouterr().out
     assert not loaded_by([*words, "--resume"]) & {"numba", "scipy", "matplotlib"}
     # the same options have one digest, from the command and from Python
     job = cs.SlamJob() if flags else None

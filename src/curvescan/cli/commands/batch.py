@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from curvescan._interrupts import reported_as
 from curvescan.cli.console import ERR, OUT, table, with_flags
 from curvescan.cli.options import Flag, LogFlags, LogUse, MapConfig, OdometryFlags, OdometryRules
+from curvescan.configs import counted
 from curvescan.io.files.lines import printable
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.slam.config import SlamConfig
@@ -86,7 +87,7 @@ def batch(
     skipped = f" ({result.n_skipped:,} stood from before)" if result.n_skipped else ""
     n_trusted = sum(record.exit == 0 for record in result.records)
     OUT.print(
-        f"{len(result.records):,} logs{skipped}: {n_trusted:,} trusted, "
+        f"{counted(len(result.records), 'log')}{skipped}: {n_trusted:,} trusted, "
         f"{len(result.records) - n_trusted - result.n_failed:,} not to be trusted, {result.n_failed:,} failed"
     )
     return 1 if result.n_failed else 0

@@ -256,7 +256,7 @@ def match(
         _show_gates(record["readings_reference"], record["readings_current"], names)
     OUT.print(f"wrote {out}/segments.png, curvature.png, matched.png, match.json")
     if not result.ok:
-        OUT.print(f"{said}; what helps: scans that share more, or `curvescan odometry`, which knows the motion")
+        OUT.print(f"{said[:-1]}; what helps: scans that share more, or `curvescan odometry`, which knows the motion")
     return 0 if result.ok else 3
 
 

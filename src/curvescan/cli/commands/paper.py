@@ -117,7 +117,10 @@ def _show_mounts(log: Path | None) -> int:
                 ("y, m", lambda check: _measured(check.found, 1, digits=3)),
                 ("yaw, deg", lambda check: _measured(check.found, 2, scale=math.degrees(1.0), digits=2)),
                 ("by the transforms", lambda check: "-" if check.given is None else _given(*check.given)),
-                ("these are", lambda check: "-" if check.given is None else "wrong" if check.is_wrong else "right"),
+                (
+                    "transforms are",
+                    lambda check: "-" if check.given is None else "wrong" if check.is_wrong else "right",
+                ),
             ],
         )
     )

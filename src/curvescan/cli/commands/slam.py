@@ -28,6 +28,7 @@ from curvescan.cli.options import (
     SlamRules,
     results_folder,
 )
+from curvescan.configs import counted
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.writing import ExportName
 from curvescan.mapping.config import OccupancyConfig
@@ -61,8 +62,8 @@ def odometry(
     Parameters
     ----------
     chain
-        What a scan is matched with: `keys`, a keyframe until it is left behind, and earlier ones where the place is
-        known; `last`, the scan before it; `auto`, keyframes for the default matcher and the last scan for the others.
+        What a scan is matched with: `keys`, a keyframe until it is left behind; `last`, the scan before it; `auto`,
+        keyframes for the default matcher and the last scan for the others.
     export
         Also write trajectory.kitti, graph.g2o or run.mcap: 3x4 rows, the matches as a pose graph, or scans and poses
         for Foxglove and ROS 2.
@@ -151,7 +152,7 @@ def _mended(path: Path | None, flags: EditFlags, out: Path | None) -> SlamMap:
     mended = edited(begin, edits)
     if out is not None:
         names = save_map_folder(out, mended, edits)
-        OUT.print(f"{mended!r} with {len(edits)} edits; wrote {out}/{', '.join(names)}")
+        OUT.print(f"{mended!r} with {counted(len(edits), 'edit')}; wrote {out}/{', '.join(names)}")
     return mended
 
 
@@ -174,7 +175,7 @@ def localize(
     """Find and follow the sensor of a log in a map, with no guess.
 
     Writes trajectory.tum and trajectory.csv (poses in the frame of the map with covariances, NaN while the sensor is
-    searched for), map.png and run.json.
+    searched for), map.png, wheels.png (the map by the log's wheel odometry) and run.json.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ class ClosureOutcome(Enum):
     UNEXPECTED = "The match lies where the graph does not expect it, and is not likely enough alone."
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class Closure:
     """A loop-closure candidate that was matched: within the back end keyframes by row, in all records by number."""
 
@@ -61,6 +61,10 @@ class Closure:
     confidence: float = math.nan  # probability that the match is right; NaN of a matcher that gives none
     expectation: float = math.nan  # log odds that the graph gives a pose there against any nearby; NaN where it failed
     place: UncertainPose | None = None  # the edge, where the scans tell where along an open way it lies: no evidence
+
+    def __repr__(self) -> str:
+        x, y, theta = self.pose.tolist()
+        return f"Closure({self.i} to {self.j}: {self.outcome.name}, x={x:.3f} m, y={y:.3f} m, theta={theta:.4f} rad)"
 
     @property
     def log_odds(self) -> float:
