@@ -14,7 +14,7 @@ from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError,
 from curvescan.io.files.output import output_folder
 from curvescan.mapping import map_server
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.mapping.map_server import map_pixels, read_map, write_map
+from curvescan.mapping.map_server import map_pixels, read_map, write_map, write_map_files
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.plots.map import draw_occupancy
 
@@ -115,7 +115,7 @@ def test_a_disk_that_is_full_leaves_the_old_map(tmp_path, grid, monkeypatch):
 def test_a_map_is_written_as_part_of_a_larger_result(tmp_path, grid, monkeypatch):
     monkeypatch.setattr(_interrupts, "_sentences", [_interrupts.NOTHING_WRITTEN])
     with output_folder(tmp_path / "out") as folder:
-        write_map(folder, grid)
+        write_map_files(folder, grid)
         assert {path.name for path in folder.iterdir()} == {"map.pgm", "map.yaml"}
         assert _interrupts._sentences == [_interrupts.NOTHING_WRITTEN]
     assert str(tmp_path / "out") in _interrupts._sentences[0]
@@ -233,7 +233,7 @@ def test_a_map_that_cannot_be_read_is_refused(tmp_path, change, message):
         (b"[1, 2,", b"[1,  # two lines\n  2,"),
         (b"[1, 2, 0.0]", b"\n  - 1\n  # y\n\n  - 2\n  - 0.0"),
         (b"0.196\n", b"0.196\n...\n"),
-        (b'"map.pgm"', b"'map.pgm'  # it's here"),
+        (b"map.pgm", b"'map.pgm'  # it's here"),
     ],
 )
 def test_a_map_is_written_in_many_ways_of_yaml(tmp_path, change):

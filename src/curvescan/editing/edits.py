@@ -22,7 +22,7 @@ from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.output import output_folder
 from curvescan.io.trajectories.relations import write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.mapping.map_server import write_map
+from curvescan.mapping.map_server import write_map_files
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import MatchResult, match
 from curvescan.odometry.measurement import as_measurement
@@ -181,7 +181,7 @@ def map_folder(
             replace(given, grid=grid).save(folder / "map.csmap")
             write_g2o(folder / "graph.g2o", keyframe_trajectory(given), given.edges)
         if grid.log_odds.size:
-            write_map(folder, grid)
+            write_map_files(folder, grid)
         yield folder
 
 

@@ -75,22 +75,27 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
         )
     if not grid.log_odds.size:
         raise InvalidArgumentError("a map must have at least one cell: no scan had a reading")
-    n_rows, n_columns = grid.log_odds.shape
-    x, y = grid.origin.tolist()
     target = as_path(folder, "the folder of a map") / name
-    picture = f"{target.name}.pgm"
-    is_plain = re.fullmatch(r"[\w.-]+", picture)
-    image = picture if is_plain else json.dumps(picture, ensure_ascii=False)  # YAML has its texts in quotes alike
     try:
         with output_folder(target.parent) as new:
-            with (new / picture).open("wb") as file:
-                file.write(b"P5\n%d %d\n255\n" % (n_columns, n_rows))
-                for row in range(n_rows - 1, -1, -1):  # a row at a time: the map is large
-                    file.write(map_pixels(replace(grid, log_odds=grid.log_odds[row : row + 1])).data)
-            text = _YAML.format(image=image, resolution=grid.resolution, x=x, y=y)
-            (new / f"{target.name}.yaml").write_text(text, encoding="utf-8", newline="\n")
+            write_map_files(new, grid, target.name)
     except ValueError as error:  # of a name that is none
         raise OutputError(f"cannot write {name!r} into the folder {folder}: {error}") from error
+
+
+def write_map_files(folder: Path, grid: OccupancyGrid, name: str = "map") -> None:
+    """Write a map as :func:`write_map` does, into a folder of results that are moved together."""
+    n_rows, n_columns = grid.log_odds.shape
+    x, y = grid.origin.tolist()
+    picture = f"{name}.pgm"
+    is_plain = re.fullmatch(r"[\w.-]+", picture)
+    image = picture if is_plain else json.dumps(picture, ensure_ascii=False)  # YAML has its texts in quotes alike
+    with (folder / picture).open("wb") as file:
+        file.write(b"P5\n%d %d\n255\n" % (n_columns, n_rows))
+        for row in range(n_rows - 1, -1, -1):  # a row at a time: the map is large
+            file.write(map_pixels(replace(grid, log_odds=grid.log_odds[row : row + 1])).data)
+    text = _YAML.format(image=image, resolution=grid.resolution, x=x, y=y)
+    (folder / f"{name}.yaml").write_text(text, encoding="utf-8", newline="\n")
 
 
 def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:

@@ -27,7 +27,7 @@ from curvescan.io.trajectories.layouts import write_csv, write_tum
 from curvescan.io.trajectories.relations import write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.io.writing import EXPORTS
-from curvescan.mapping.map_server import write_map
+from curvescan.mapping.map_server import write_map_files
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps, build_maps
 from curvescan.odometry import Odometry, StepOutcome
@@ -77,7 +77,7 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
         poses = record.trajectory.poses[np.isfinite(record.trajectory.poses[:, 0])]
         about = f"{title}: occupancy, cells of {maps.grid.resolution:g} m"
         drawn.append(beside(_draw, folder, "occupancy", maps.grid.blocks(_N_BLOCKS), poses, title=about))
-        write_map(folder, maps.grid)
+        write_map_files(folder, maps.grid)
     if isinstance(engine, Slam) and graph is not None:
         write_tum(folder / "trajectory_online.tum", record.online)
         slam_map = dataclasses.replace(graph, grid=maps.grid)

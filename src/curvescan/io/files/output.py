@@ -45,7 +45,7 @@ def output_folder(path: str | os.PathLike[str], *, inputs: Sequence[str | os.Pat
         yield temporary
         with held_back():
             _move(temporary, target, inputs)
-            _note_written(path, target)
+            note_written(printable(os.fspath(path), _MAX_PATH))
 
 
 @contextmanager
@@ -58,12 +58,8 @@ def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         yield temporary / target.name
         with held_back():
             replace(temporary / target.name, target)
-            _note_written(path, target.parent)
-
-
-def _note_written(path: str | os.PathLike[str], folder: Path) -> None:
-    if not folder.name.startswith(HIDDEN_PREFIX):  # else it is part of a larger result
-        note_written(printable(os.fspath(path), _MAX_PATH))
+            if not target.parent.name.startswith(HIDDEN_PREFIX):
+                note_written(printable(os.fspath(path), _MAX_PATH))
 
 
 def check_is_other(target: Path, source: Path) -> None:
