@@ -315,6 +315,8 @@ def test_a_command_that_does_not_exist_is_told_with_the_nearest(capsys):
     [
         ("odometry LOG --nofl", "odometry does not take '--nofl'; help: curvescan odometry -h"),
         ("odometry LOG --lazer-only", "'--lazer-only': did you mean '--laser-only'?; help: curvescan odometry -h"),
+        ("odometry --lazer-only LOG", "'--lazer-only': did you mean '--laser-only'?; help: curvescan odometry -h"),
+        ("map MAP --crop 1 2", "--crop takes X0 Y0 X1 Y1, got '1 2'; help: curvescan map -h"),
         ("odometry LOG --mounts", "odometry does not take '--mounts'; help: curvescan odometry -h"),
         ("slam LOG --range-max x", "--range-max takes a number, got 'x'; help: curvescan slam -h"),
         ("slam LOG --drop 1 x", "--drop takes I J, got '1 x'; help: curvescan slam -h"),

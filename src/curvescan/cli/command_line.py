@@ -82,7 +82,7 @@ def _run(arguments: list[str]) -> int:
         if HELP_ALL in arguments:
             arguments = ["--help" if argument == HELP_ALL else argument for argument in arguments]
         commands = {name: _deferred(command) for name, command in _commands(arguments).items()}
-        with mistakes_in_sentences(arguments[0], lambda: _parse(commands, [arguments[0], "--help"])):
+        with mistakes_in_sentences(arguments, lambda: _parse(commands, [arguments[0], "--help"])):
             work = _parse(commands, arguments)
         return work()
     except CurvescanError as error:
