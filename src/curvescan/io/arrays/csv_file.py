@@ -30,7 +30,6 @@ from curvescan.types import Floats
 FORMAT = "CSV of scans"
 RANGES, ANGLES, INTENSITIES = "ranges", "angles", "intensities"
 _TITLE = "# scans of a 2D laser: metres, radians, seconds; a line each, its ranges from the last column on\n"
-_BOM = b"\xef\xbb\xbf"
 _NOWHERE = -1  # offset of a line that there is not
 
 
@@ -42,13 +41,13 @@ def open_csv(path: Path, *, range_max: float | None = None, topic: str | None = 
 
 def is_content(line: bytes) -> bool:
     """Return whether a line is neither blank nor a comment."""
-    line = line.removeprefix(_BOM).strip()
+    line = line.strip()
     return bool(line) and not line.startswith(b"#")
 
 
 def header_names(line: bytes) -> tuple[str, ...]:
     """Return the names of the columns up to ``ranges``, without quotes and blanks."""
-    text = line.removeprefix(_BOM).decode("utf-8", errors="replace")
+    text = line.decode("utf-8", errors="replace")
     names = [name.strip(' \t\r"') for name in text.split(",")]
     return tuple(names[: names.index(RANGES) + 1] if RANGES in names else names)
 

@@ -59,12 +59,11 @@ class NpzFile:
 
     def __init__(self, path: Path, *, names: Collection[str] | None = None, most_bytes: int = 0) -> None:
         self.path = path
-        self._names, self._most_bytes = names, most_bytes
         self._file = self._unpacked(path)
         self.n_given = path.stat().st_size  # bytes
         self.headers: dict[str, NpyHeader] = {}
         with self._opened() as archive:
-            for info in self._members(archive):
+            for info in self._members(archive, names, most_bytes):
                 with archive.open(info) as member:
                     name = info.filename.removesuffix(".npy")
                     self.headers[name] = self._header(member, name, info.file_size)
@@ -113,7 +112,9 @@ class NpzFile:
                 member.seek(header.n_bytes + i * n_bytes)
             return self._values(self._read(member, n_bytes), header.dtype)
 
-    def _members(self, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    def _members(
+        self, archive: zipfile.ZipFile, names: Collection[str] | None, most_bytes: int
+    ) -> list[zipfile.ZipInfo]:
         members = archive.infolist()
         if len(members) > _MAX_MEMBERS:
             raise self._unreadable(f"it holds {len(members):,} files, an .npz of scans a dozen")
@@ -125,9 +126,9 @@ class NpzFile:
                 raise self._unreadable(f"array {name[:40]!r} is packed in another way than NumPy does")
         if len({info.filename for info in members}) < len(members):
             raise self._unreadable("two arrays have the same name")
-        if self._names is not None:
-            members = [info for info in members if info.filename.removesuffix(".npy") in self._names]
-        limit = max(unpacked_limit(self._file), self._most_bytes)
+        if names is not None:
+            members = [info for info in members if info.filename.removesuffix(".npy") in names]
+        limit = max(unpacked_limit(self._file), most_bytes)
         if sum(info.file_size for info in members) > limit:
             raise self._unreadable(
                 f"it unpacks to more than {limit >> 20:,} MiB, too much for a log of its size: if it is sound, save it "
