@@ -39,8 +39,8 @@ _EDGE = np.dtype([
     ("kind", np.int64), ("weight", np.float64),
 ])  # fmt: skip
 
-_LEAST_WEIGHTS = np.array([1e-4, 1e-4, 0.0, 0.0, 1.0])
-"""Weight that an edge of each kind keeps however far it is off: a slip bends the graph, and does not break it."""
+_LEAST_STEP = 1e-4
+"""Weight that a step keeps however far it is off: a slip bends the graph, and does not break it."""
 
 
 class PoseGraph:
@@ -87,7 +87,7 @@ class PoseGraph:
     @property
     def least_weights(self) -> Floats:
         """(n_edges,): weight that each edge keeps: a closure none, a step a little, what was put in by hand all."""
-        return np.asarray(_LEAST_WEIGHTS[self.kinds])
+        return np.where(self.is_closure, self.kinds == EdgeKind.BY_HAND, _LEAST_STEP)
 
     @property
     def is_followed(self) -> Bools:
