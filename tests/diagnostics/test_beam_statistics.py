@@ -64,6 +64,40 @@ def test_beams_on_the_robot_are_found_while_it_moves():
     assert counters.n_blind == 4
 
 
+def test_beams_that_a_laser_does_not_fire_are_found_between_those_that_read():
+    rows = moving()
+    rows[:, 1::3] = np.nan
+    rows[:, 40:60] = np.nan  # a blind sector, as behind a mast
+    rows[:, 80] = np.nan
+    assert statistics(rows[:99]).empty_beams is None  # a dark thing may hide some in a short drive
+    found = statistics(rows).empty_beams
+    assert found.runs[:3] == ((1, 1), (4, 4), (7, 7))
+    assert not any(first <= 60 and last >= 40 for first, last in found.runs)
+    rows[50, 1::3] = 4.0  # a laser that reads there once fires there
+    assert statistics(rows).empty_beams is None
+    few = moving()
+    few[:, 5::17] = np.nan
+    assert statistics(few).empty_beams is None
+
+
+def test_scans_without_beams_that_are_not_fired_are_those_of_the_laser():
+    rows = moving()
+    rows[:, 1::2] = np.nan
+    empty = statistics(rows).empty_beams
+    scan = LaserScan(
+        rows[3], angle_min=-0.9, angle_increment=0.01, stamp=2.0, time_increment=0.001, intensities=np.arange(N_BEAMS)
+    )
+    kept = empty.without(scan)
+    # the last beam stays, as nothing reads beyond it
+    np.testing.assert_array_equal(kept.ranges, [*rows[3, ::2], np.nan])
+    np.testing.assert_allclose(kept.angles, [*scan.angles[::2], scan.angles[-1]])
+    np.testing.assert_array_equal(kept.intensities[:3], [0.0, 2.0, 4.0])
+    assert kept.time_increment * (len(kept) - 1) == pytest.approx(scan.time_increment * (len(scan) - 1))
+    assert kept.stamp == scan.stamp
+    short = LaserScan(rows[3, :90], angle_min=0.0, angle_increment=0.01)
+    assert empty.without(short) is short
+
+
 def test_walls_and_bodies_of_a_standing_sensor_are_no_robot():
     rng = np.random.default_rng(4)
     rows = 1.0 + 0.005 * rng.normal(size=(100, N_BEAMS))
@@ -95,6 +129,7 @@ def test_readings_of_any_size_and_sweeps_without_beams():
     rows[5] = 1e200
     statistics(rows, range_max=math.inf)
     nothing = statistics([np.empty(0)] * 3)
-    assert (nothing.fixed_beams, nothing.n_blind) == (None, 0)
+    assert (nothing.fixed_beams, nothing.empty_beams, nothing.n_blind) == (None, None, 0)
+    assert statistics([np.empty(0)] * 200).empty_beams is None
     assert math.isnan(nothing.stale_share)
     assert BeamStatistics().fixed_beams is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -69,6 +70,18 @@ def test_readings_that_repeat_in_runs_are_those_of_a_wall_alongside():
     rows = moving(60)
     rows[:, 20:80] = 2.5  # a smooth wall beside a straight path, without noise
     assert mend(log_of(rows)).done == ()
+
+
+def test_beams_that_are_not_fired_are_left_out_and_matches_are_as_sure_as_without():
+    log = cs.simulate("office", n_scans=110, seed=3)
+    half = [replace(scan, ranges=np.where(np.arange(len(scan)) % 2, np.nan, scan.ranges)) for scan in log]
+    mended = mend(FakeLog(half))
+    assert [issue.kind for issue in mended.done] == ["empty_beams"]
+    (sentence,) = mended.remarks
+    assert sentence.startswith("left out: beams that never read between beams that do, ")
+    scans = [mended.log[k] for k in range(0, 110, 10)]
+    of_all, of_fired = ([cs.match(*pair).score for pair in pairwise(some)] for some in (half[::10], scans))
+    assert np.mean(of_fired) > 1.4 * np.mean(of_all)
 
 
 def test_a_mirrored_laser_is_turned_back_unless_it_was_set_up_by_hand():

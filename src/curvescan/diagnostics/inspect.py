@@ -10,7 +10,7 @@ from curvescan import se2
 from curvescan.diagnostics.motion_prior import Gyroscope, judge_gyroscope
 from curvescan.diagnostics.rotation_direction import RotationDirection, odometry_lag
 from curvescan.diagnostics.sensor import BeamOrder, SensorJudgement, judge_sensor
-from curvescan.diagnostics.statistics import FixedBeams, LogStatistics
+from curvescan.diagnostics.statistics import EmptyBeams, FixedBeams, LogStatistics
 from curvescan.diagnostics.top_of_range import Ring, is_of_walls
 from curvescan.io.files.lines import ReadError
 from curvescan.io.log import Log, ScanAccess
@@ -91,6 +91,7 @@ class LogReport:
     # value; NaN where the scene does not change enough
     stale_share: float
     stale_run: float  # share of the readings that repeat the sweep before whose next beam does too; NaN without any
+    empty_beams: EmptyBeams | None  # beams that never read between others that do; None where they are not many
     fixed_beams: FixedBeams | None  # beams that see the robot itself; None without
     largest_reading: float  # largest valid reading, metres; NaN without
     # values that are no reading and make up at least 0.1 % of the readings, most frequent first, 8 at most
@@ -172,6 +173,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         n_blind_beams=statistics.beams.n_blind,
         stale_share=statistics.beams.stale_share,
         stale_run=statistics.beams.stale_run,
+        empty_beams=statistics.beams.empty_beams,
         fixed_beams=statistics.beams.fixed_beams,
         largest_reading=max(statistics.top, default=math.nan),
         codes=tuple(code for code in codes if code.share >= _MIN_CODE_SHARE),

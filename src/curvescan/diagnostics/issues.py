@@ -80,6 +80,7 @@ _TESTS: dict[str, Callable[[LogReport], bool]] = {
     "repeated_scans": lambda r: r.n_repeated_scans > 0,
     "stale_beams": lambda r: r.stale_share >= _STALE,
     "fixed_beams": lambda r: r.fixed_beams is not None,
+    "empty_beams": lambda r: r.empty_beams is not None,
     "beams_reversed": lambda r: r.beam_order is not None and r.beam_order.is_reversed_order,
     "turns_against": lambda r: r.sense is not None and r.sense.is_reversed,
     "gyro_in_degrees": lambda r: r.sense is not None and r.sense.is_in_degrees,

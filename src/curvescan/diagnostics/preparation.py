@@ -17,7 +17,13 @@ from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
 
-_DROPS = ("stale_beams", "undeclared_codes", "ring", "fixed_beams")  # kinds of issues whose mending leaves readings out
+_DROPS = (
+    "stale_beams",
+    "undeclared_codes",
+    "ring",
+    "fixed_beams",
+    "empty_beams",
+)  # kinds of issues whose mending leaves readings out
 _JUDGED_AT = (100, 1000)  # scans after which a running laser is judged
 
 
@@ -100,8 +106,8 @@ def _without(log: Log, faults: list[Issue], report: LogReport) -> Log:
 
 
 def _filters(kinds: Collection[str], report: LogReport) -> list[Callable[[LaserScan], LaserScan]]:
-    """Return what leaves out the readings of a ring, and of beams that see the robot."""
-    found = (("ring", report.ring), ("fixed_beams", report.fixed_beams))
+    """Return what leaves out the readings of a ring, of beams that see the robot, and beams that are not fired."""
+    found = (("ring", report.ring), ("fixed_beams", report.fixed_beams), ("empty_beams", report.empty_beams))
     return [one.without for kind, one in found if one is not None and kind in kinds]
 
 

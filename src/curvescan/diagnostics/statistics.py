@@ -15,9 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from curvescan.beams import beams_at
 from curvescan.diagnostics.top_of_range import TopOfRange
 from curvescan.scan import LaserScan
-from curvescan.types import Floats
+from curvescan.types import Bools, Floats
 
 _CHANGED = 8.0  # median change from sweep to sweep, in steps of the readings, from which on the scene changes
 _NEAR = 4  # changes of up to so many steps are counted to estimate how often one of zero is expected
@@ -30,6 +31,8 @@ _MAX_FIXED_SHARE = 0.3
 _MIN_SCANS = 100  # in fewer, beams of one drive in ten keep their reading by chance
 _FAR = 1e6  # deviations count up to this many metres, so that a reading of 1e300 has a square
 _BODY = 1.5  # how far from its laser a robot may reach, metres
+_MAX_EMPTY = 16  # neighbouring beams that are never fired: more of them are a blind sector
+_MIN_EMPTY_SHARE = 0.1  # of all beams: fewer cost matches nothing
 _EDGE = 3  # beams from those that see the robot to those that see past it; between them are some that see both
 
 
@@ -47,6 +50,37 @@ class FixedBeams(NamedTuple):
         for first, last in self.runs:
             ranges[first : last + 1] = np.nan
         return replace(scan, ranges=ranges)
+
+
+class EmptyBeams(NamedTuple):
+    """Runs of beams, first and last, that never read while those beside them do: the laser does not fire them."""
+
+    runs: tuple[tuple[int, int], ...]
+    n_beams: int  # of the scans that have them
+
+    @property
+    def share(self) -> float:
+        """Part of the beams, 0 to 1."""
+        return sum(last + 1 - first for first, last in self.runs) / max(self.n_beams, 1)
+
+    def without(self, scan: LaserScan) -> LaserScan:
+        """Return a scan of the other beams."""
+        if len(scan) != self.n_beams:
+            return scan
+        kept = np.ones(self.n_beams, dtype=np.bool_)
+        for first, last in self.runs:
+            kept[first : last + 1] = False
+        beams = beams_at(scan.angles[kept])
+        return replace(
+            scan,
+            ranges=scan.ranges[kept],
+            angles=beams.angles,
+            angle_min=beams.angle_min,
+            angle_increment=beams.angle_increment,
+            intensities=None if scan.intensities is None else scan.intensities[kept],
+            # the first and the last beam stay, and so does the time between them
+            time_increment=scan.time_increment * (self.n_beams - 1) / (np.count_nonzero(kept) - 1),
+        )
 
 
 @dataclass
@@ -86,6 +120,14 @@ class BeamStatistics:
         return int(np.count_nonzero(self._counts == 0.0))
 
     @property
+    def empty_beams(self) -> EmptyBeams | None:
+        """Beams that never read, few side by side and many in all, between beams that do; None without any."""
+        n, never = self._counts.size, self._counts == 0.0
+        runs = [(a, b) for a, b in _runs(never) if a > 0 and b < n - 1 and b - a < _MAX_EMPTY]
+        found = EmptyBeams(tuple(runs), n)
+        return found if self._n_scans >= _MIN_SCANS and found.share >= _MIN_EMPTY_SHARE else None
+
+    @property
     def fixed_beams(self) -> FixedBeams | None:
         """Beams that keep their reading beside a room that begins at once, while the sensor moves; None without any."""
         if self._n_scans < _MIN_SCANS:
@@ -102,9 +144,7 @@ class BeamStatistics:
         if not others.size or np.median(others) < _MOVING:
             return None
         beside = np.pad(well_seen & ~fixed & (deviations < _MOVING), _EDGE)  # where walls stand
-        # first and last of each run
-        edges = np.flatnonzero(np.diff(np.pad(fixed.astype(np.int8), 1))).reshape(-1, 2) - [0, 1]
-        runs = tuple((a, b) for a, b in edges.tolist() if not (beside[a] or beside[b + 2 * _EDGE]))
+        runs = tuple((a, b) for a, b in _runs(fixed) if not (beside[a] or beside[b + 2 * _EDGE]))
         return FixedBeams(runs, fixed.size) if runs else None
 
     def add(self, scan: LaserScan) -> None:
@@ -140,6 +180,12 @@ class BeamStatistics:
         self.n_compared += changes.size
         self.n_equal += changes.size - changed.size
         self.n_near += int(np.searchsorted(changed, (_NEAR + 0.5) * step))
+
+
+def _runs(are_so: Bools) -> list[list[int]]:
+    """Return the first and the last number of each run of (n,) values that are so."""
+    edges = np.flatnonzero(np.diff(np.pad(are_so.astype(np.int8), 1))).reshape(-1, 2) - [0, 1]
+    return list(edges.tolist())
 
 
 Layout = tuple[int, float, float, bool]  # number of beams, angle_min, mean step, whether the sweep is a full circle
