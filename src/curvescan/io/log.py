@@ -6,6 +6,7 @@ from copy import copy
 from itertools import islice
 from typing import Protocol, TypeAlias, cast, overload, runtime_checkable
 
+from curvescan.configs import counted
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.lines import ReadError
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -102,7 +103,7 @@ class ScanAccess:
 
     def __repr__(self) -> str:
         log = cast(Log, self)
-        return f"Log({log.name!r}: {log.format}, {len(log):,} scans)"
+        return f"Log({log.name!r}: {log.format}, {counted(len(log), 'scan')})"
 
     def _scan_at(self, i: int) -> LaserScan:
         """Return scan i, 0 <= i < len(self); a log that has an index of its file reads this scan alone."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from curvescan import se2
-from curvescan.configs import as_config
+from curvescan.configs import as_config, counted
 from curvescan.errors import InvalidArgumentError, MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.traversal import mark_scan
@@ -124,7 +124,7 @@ class OccupancyBuilder:
         self._n_scans = 0
 
     def __repr__(self) -> str:
-        return f"OccupancyBuilder({self._n_scans:,} scans in cells of {self.config.resolution:g} m)"
+        return f"OccupancyBuilder({counted(self._n_scans, 'scan')} in cells of {self.config.resolution:g} m)"
 
     def add(self, scan: LaserScan, pose: ArrayLike, ignored: Bools | None = None) -> None:
         """Enter a scan.

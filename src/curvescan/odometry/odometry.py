@@ -13,7 +13,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from curvescan._compilation import watch
-from curvescan.configs import as_config
+from curvescan.configs import as_config, counted
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig, Method, find_matcher
@@ -64,7 +64,7 @@ class Odometry:
         self._state = State(motion=MotionModel.at_start(self.config.motion))
 
     def __repr__(self) -> str:
-        return f"Odometry({self.method!r}, {self._state.n_scans:,} scans)"
+        return f"Odometry({self.method!r}, {counted(self._state.n_scans, 'scan')})"
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at this scan.

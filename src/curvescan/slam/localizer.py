@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from curvescan.configs import as_config
+from curvescan.configs import as_config, counted
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import DEFAULT_METHOD, find_matcher
 from curvescan.matchers.registry import MatcherConfig
@@ -85,7 +85,7 @@ class Localizer:
 
     def __repr__(self) -> str:
         found = "not found" if self._fix is None else "found"
-        return f"Localizer({self.method}: in a map of {len(self.map):,} keyframes, {found})"
+        return f"Localizer({self.method}: in a map of {counted(len(self.map), 'keyframe')}, {found})"
 
     def reset(
         self, pose: ArrayLike | None = None, covariance: ArrayLike | None = None, *, keeps_odometry: bool = False

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from curvescan.configs import counted
 from curvescan.errors import MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
@@ -46,7 +47,7 @@ class SlamMap:
 
     def __repr__(self) -> str:
         sessions = f"{self.n_sessions} session{'s' * (self.n_sessions != 1)}"
-        return f"SlamMap({len(self):,} keyframes, {len(self.ends):,} edges, {sessions})"
+        return f"SlamMap({counted(len(self), 'keyframe')}, {counted(len(self.ends), 'edge')}, {sessions})"
 
     @property
     def n_sessions(self) -> int:

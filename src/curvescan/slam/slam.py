@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
-from curvescan.configs import as_config
+from curvescan.configs import as_config, counted
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig
@@ -242,5 +242,5 @@ class Slam:
 
     def __repr__(self) -> str:
         n_closures, n_neighbours = self.count_matches()
-        parts = f"{self._n_scans:,} scans, {len(self.keyframes):,} keyframes, {n_closures:,} loop closures"
-        return f"Slam({self.method}: {parts}, {n_neighbours:,} matches of neighbours)"
+        found = f"{counted(len(self.keyframes), 'keyframe')}, {counted(n_closures, 'loop closure')}"
+        return f"Slam({self.method}: {counted(self._n_scans, 'scan')}, {found}, {n_neighbours:,} matches of neighbours)"

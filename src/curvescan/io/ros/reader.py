@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from curvescan.configs import counted
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.lines import BrokenRecordError, ReadError, ReadErrorCounter
 from curvescan.io.log import ScanAccess
@@ -151,7 +152,7 @@ class RosbagLog(ScanAccess):
     def __repr__(self) -> str:
         # to count the scans that can be read may take long: the bag's own count will do
         n = self._bag.topics[self.topic].count
-        return f"Log({self.name!r}: {self.format}, {n:,} scans on {shown(self.topic)})"
+        return f"Log({self.name!r}: {self.format}, {counted(n, 'scan')} on {shown(self.topic)})"
 
     def _scan_at(self, i: int) -> LaserScan:
         """Return a scan by the time it was received at, which the bag has an index of."""

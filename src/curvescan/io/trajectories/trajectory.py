@@ -7,6 +7,7 @@ from typing import overload
 
 import numpy as np
 
+from curvescan.configs import counted
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.trajectories.layouts import TUM, TrajectoryFormat, csv_rows, read_rows, rows_of, write_poses
 from curvescan.types import Cov, Floats, Pose
@@ -92,7 +93,7 @@ class Trajectory:
         steps = np.diff(self.poses[np.isfinite(self.poses).all(axis=1), :2], axis=0)
         covariances = "" if self.covariances is None else ", with covariances"
         return (
-            f"Trajectory({len(self):,} poses over {float(np.ptp(self.stamps)):,.1f} s, "
+            f"Trajectory({counted(len(self), 'pose')} over {float(np.ptp(self.stamps)):,.1f} s, "
             f"{float(np.hypot(*steps.T).sum()):,.1f} m{covariances})"
         )
 

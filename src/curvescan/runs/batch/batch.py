@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, TypeAlias
 
 from curvescan._version import __version__
+from curvescan.configs import counted
 from curvescan.errors import InvalidArgumentError
 from curvescan.runs.batch.jobs import Job, OdometryJob, digest_of
 from curvescan.runs.batch.logs import LogState, find_logs
@@ -52,7 +53,7 @@ class BatchResult:
 
     def __repr__(self) -> str:
         n_trusted = sum(record.exit == 0 for record in self.records)
-        return f"BatchResult({len(self.records):,} logs: {n_trusted:,} trusted, {self.n_failed:,} failed)"
+        return f"BatchResult({counted(len(self.records), 'log')}: {n_trusted:,} trusted, {self.n_failed:,} failed)"
 
 
 def run_batch(
