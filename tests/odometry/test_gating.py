@@ -22,9 +22,7 @@ CONFIG = MotionConfig()
 
 def gate(result, expected, config, seconds=0.5, **given):
     """Return a match held against what was expected so long after the last one."""
-    recovery = config.recovery_covariance(expected.pose, seconds)
-    reach = seconds * config.recovery_speed + math.hypot(*expected.pose[:2])
-    prediction = Prediction(expected, expected, False, Deskewer(), None, recovery, reach, np.zeros(3))
+    prediction = Prediction(expected, expected, False, Deskewer(), None, config, seconds)
     return gate_within(result, expected, prediction, config, **given)
 
 
@@ -127,7 +125,7 @@ def test_a_doubtful_match_of_a_sudden_shift_counts_for_nothing_along_it(pose, co
 def test_scans_that_are_missing_may_have_led_on(x, is_opened):
     """A sensor that went on for eight scans is eight times as far; not back."""
     expected = UncertainPose(np.array([0.1, 0.0, 0.0]), EXPECTED.covariance)
-    prediction = Prediction(expected, expected, False, Deskewer(), None, np.eye(3), 0.2, 7.0 * expected.pose)
+    prediction = Prediction(expected, expected, False, Deskewer(), None, CONFIG, seconds=0.1, stretch=8)
     turned = UncertainPose(np.array([0.0, 0.1, math.pi / 2]), EXPECTED.covariance)  # as seen from another reference
     for seen, pose in ((expected, (x, 0.0, 0.0)), (turned, (0.0, x, math.pi / 2))):
         assert gate_within(matched(pose, confidence=0.85), seen, prediction, CONFIG).is_opened is is_opened

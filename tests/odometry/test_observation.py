@@ -43,9 +43,8 @@ def gated(by_wheels, by_last=TRUE, is_measured=True, **result):
         is_measured=is_measured,
         deskewer=Deskewer(),
         odometry_pose=None,
-        recovery=np.diag([0.25, 0.25, 1.0]),
-        reach=0.5,
-        onward=np.zeros(3),
+        config=OdometryConfig().motion,
+        seconds=0.5,
     )
     matching = Matching(matcher=NeedsGuess(**result), config=OdometryConfig())
     scan = SimpleNamespace(features=None)

@@ -136,6 +136,21 @@ def test_a_run_counts_failures_by_reason():
     assert run.failures == {cs.Outcome.NO_SEGMENTS: 2}
 
 
+@pytest.mark.parametrize("engine", [cs.Odometry, cs.Slam])
+def test_who_changes_the_arrays_of_a_step_changes_no_later_one(engine):
+    scans = list(cs.simulate("office", n_scans=14, seed=4))
+    scans[5] = scans[6] = blank(scans[5].stamp)  # the last motion is repeated
+    engines = engine(), engine()
+    for scan in scans:
+        steps = [one.add(scan) for one in engines]
+        np.testing.assert_array_equal(steps[1].pose, steps[0].pose)
+        np.testing.assert_array_equal(steps[1].covariance, steps[0].covariance)
+        for name, value in vars(steps[0]).items():
+            if isinstance(value, np.ndarray):
+                value[...] = 7.0
+                assert all(getattr(steps[0], other) is not value for other in vars(steps[0]) if other != name)
+
+
 def test_an_interrupt_keeps_what_there_is():
     scans, _ = drive(6)
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from curvescan import se2
-from curvescan.se2.uncertain import UncertainPose, between, compose, fuse, identity, inverse
+from curvescan.se2.uncertain import UncertainPose, between, compose, eigen3, fuse, identity, inverse
 from tests.reference.se2 import compose_covariance, inverse_covariance
 
 
@@ -101,3 +101,19 @@ def test_identity_is_the_unit_of_composition():
     for pose in (compose(identity(), ab), compose(ab, identity())):
         np.testing.assert_allclose(pose.pose, ab.pose, atol=1e-15)
         np.testing.assert_allclose(pose.covariance, ab.covariance, rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_eigenvalues_and_eigenvectors_are_those_of_numpy(seed):
+    root = np.random.default_rng(seed).normal(size=(3, 3)) * [1.0, 10.0, 0.1]
+    matrix = root.T @ root
+    values, vectors = eigen3(matrix)
+    np.testing.assert_allclose(values, np.linalg.eigvalsh(matrix), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(vectors @ np.diag(values) @ vectors.T, matrix, atol=1e-9)
+    np.testing.assert_allclose(vectors.T @ vectors, np.eye(3), atol=1e-12)
+
+
+def test_eigen_of_a_diagonal_matrix():
+    values, vectors = eigen3(np.diag([3.0, 1.0, 2.0]))
+    np.testing.assert_array_equal(values, [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(np.abs(vectors), np.eye(3)[:, [1, 2, 0]])

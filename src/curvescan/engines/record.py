@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from curvescan.configs import counted
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import Outcome
 from curvescan.odometry.step import MATCHES, Step, StepOutcome
-from curvescan.types import Bools, Floats, Ints
+from curvescan.types import Bools, Floats, Ints, changed
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -162,4 +162,8 @@ class Recorder:
 
 def without_trace(step: Step) -> Step:
     """Return a step without what the matcher did on the way, which is larger than all the rest."""
-    return step if step.match is None else replace(step, match=step.match.with_scans(None, None, trace=None))
+    return (
+        step
+        if step.match is None
+        else changed(step, match=changed(step.match, reference=None, current=None, trace=None))
+    )

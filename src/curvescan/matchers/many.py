@@ -19,7 +19,7 @@ from curvescan.matchers import PreparedScan, prepared
 from curvescan.matchers.registry import DEFAULT_METHOD, Matcher, MatcherConfig, Method, find_matcher
 from curvescan.matchers.result import MatchResult, prior_of
 from curvescan.scan import LaserScan
-from curvescan.types import UncertainPose
+from curvescan.types import UncertainPose, changed
 
 _AnyScan = LaserScan | PreparedScan
 _Job = tuple[PreparedScan, PreparedScan, UncertainPose | None]
@@ -106,8 +106,11 @@ class _Once:
 def _matched(matcher: Matcher, jobs: list[_Job], *, has_scans: bool = True) -> list[MatchResult]:
     """Return the results of some jobs, without traces, which hold much."""
     return [
-        matcher.match(ref.features, cur.features, prior).with_scans(
-            ref.scan if has_scans else None, cur.scan if has_scans else None, trace=None
+        changed(
+            matcher.match(ref.features, cur.features, prior),
+            reference=ref.scan if has_scans else None,
+            current=cur.scan if has_scans else None,
+            trace=None,
         )
         for ref, cur, prior in jobs
     ]
@@ -184,4 +187,6 @@ def _received(pipe: Connection, part: list[_Job], patience: float) -> list[Match
         results = pipe.recv()
     except (EOFError, OSError):
         return []
-    return [one.with_scans(ref.scan, cur.scan) for one, (ref, cur, _) in zip(results, part, strict=True)]
+    return [
+        changed(one, reference=ref.scan, current=cur.scan) for one, (ref, cur, _) in zip(results, part, strict=True)
+    ]

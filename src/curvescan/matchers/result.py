@@ -234,12 +234,6 @@ class MatchResult:
             )
             object.__setattr__(self, "candidates", (only,))
 
-    def with_scans(self, reference: LaserScan | None, current: LaserScan | None, **changes: object) -> "MatchResult":
-        """Return the result with these scans; :func:`dataclasses.replace` takes ten times as long."""
-        made = object.__new__(MatchResult)
-        made.__dict__.update(self.__dict__, reference=reference, current=current, **changes)
-        return made
-
     @property
     def ok(self) -> bool:
         """Whether the match found a pose."""

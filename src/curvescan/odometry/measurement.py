@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -20,8 +20,8 @@ from curvescan.matchers.result import Outcome, log_odds
 from curvescan.odometry.config import MotionConfig, OdometryConfig
 from curvescan.odometry.motion_model import Prediction
 from curvescan.scan import LaserScan
-from curvescan.se2.uncertain import UncertainPose, compose, fuse
-from curvescan.types import Cov, Floats
+from curvescan.se2.uncertain import UncertainPose, compose, eigen3, fuse
+from curvescan.types import Cov, Floats, changed
 
 _OPEN = 100.0
 """Standard deviation of what is not measured, metres: more than any prediction errs."""
@@ -129,7 +129,7 @@ def _opened(result: MatchResult, way: Floats, wide: Cov) -> MatchResult:
     pull = result.information @ way
     known = np.outer(pull, pull) / (way @ pull) if way @ pull > 0.0 else np.zeros((3, 3))
     covariance, information = result.covariance + wide, result.information - known
-    return replace(result, degenerate_direction=way, covariance=covariance, information=information)
+    return changed(result, degenerate_direction=way, covariance=covariance, information=information)
 
 
 def _shift(expected: UncertainPose, found: UncertainPose, prediction: Prediction) -> float:
@@ -204,9 +204,9 @@ class Matching:
                 measured = unguided_measurement(own)
         return gate(result, expected, prediction, motion, measured)
 
-    def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
-        """Return a scan that others can be matched with, else None."""
-        return scan if self.matcher.can_be_reference(scan.features) else None
+    def can_be_reference(self, scan: PreparedScan) -> bool:
+        """Return whether others can be matched with a scan."""
+        return self.matcher.can_be_reference(scan.features)
 
 
 def as_measurement(result: MatchResult) -> UncertainPose:
@@ -235,7 +235,7 @@ def decided_by_expectation(result: MatchResult, expected: UncertainPose, config:
     best = result.candidates[0]
     for one in result.candidates:
         if (one is best or one.log_odds > max(best.log_odds - CERTAIN, 0.0)) and _lies_near(one, expected, config):
-            return replace(
+            return changed(
                 result,
                 outcome=Outcome.MATCHED,
                 pose=one.pose,
@@ -264,4 +264,4 @@ def odds_against(one: Candidate, candidates: Sequence[Candidate], lead: float = 
 
 def _n_known(best: Candidate) -> int:
     """Return along how many directions the scans measure a candidate."""
-    return int(np.linalg.matrix_rank(best.information, tol=_OPEN**-2, hermitian=True))
+    return sum(value > _OPEN**-2 for value in eigen3(best.information)[0].tolist())

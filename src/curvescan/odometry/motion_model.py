@@ -48,10 +48,26 @@ class Prediction(NamedTuple):
     is_measured: bool  # whether the translation of `motion` is that of another odometry
     deskewer: Deskewer  # the clock of the stream at this scan
     odometry_pose: Pose | None  # (3,): pose of the sensor at this scan by another odometry
-    recovery: Cov  # (3, 3): how much farther from there the sensor may be once a match failed or contradicts
-    reach: float  # metres, standard deviation: how far from there it gets since the last match, if it moves at once
-    onward: Pose  # (3,): how much farther it is, where scans are missing in between
+    config: MotionConfig  # how far a sensor gets
+    seconds: float = math.inf  # since the last match, by the clock of the stream
+    stretch: int = 1  # scans since the last one, with those that are missing
     is_missed: bool = False  # whether `odometry_pose` is taken not to have been updated since the last scan
+
+    @property
+    def recovery(self) -> Cov:
+        """(3, 3) how much farther from there the sensor may be once a match failed or contradicts."""
+        return self.config.recovery_covariance(self.motion.pose, self.seconds)
+
+    @property
+    def reach(self) -> float:
+        """How far from there it gets since the last match, if it moves at once: standard deviation, metres."""
+        x, y, _ = self.motion.pose.tolist()
+        return min(self.config.recovery_speed * self.seconds, _LONGEST_STEP) + math.hypot(x, y)
+
+    @property
+    def onward(self) -> Pose:
+        """(3,) how much farther it is, where scans are missing in between."""
+        return (self.stretch - 1) * self.motion.pose
 
 
 class MotionModel(NamedTuple):
@@ -89,22 +105,24 @@ class MotionModel(NamedTuple):
         stretch = min(deskewer.n_steps, _MAX_STRETCH)
         # since the last match; a clock that stands tells nothing
         seconds = max(deskewer.elapsed, deskewer.period) * (1 + self.n_failures) if deskewer.period else math.inf
-        pose, cov = self.last.pose.copy(), self.last.covariance.copy()
+        cov = self.last.covariance.copy()
         cov[0, 0] += stretch**2 * self.variance_translation
         cov[1, 1] += stretch**2 * self.variance_translation
         cov[2, 2] += stretch**2 * self.variance_turn
-        repeated = UncertainPose(pose.copy(), cov.copy())
-        is_missed = self._is_missed(odometry_pose)
-        is_measured = False if is_missed else self._measure(pose, cov, odometry_pose)
+        motion = repeated = UncertainPose(self.last.pose, cov)
+        is_missed, is_measured = self._is_missed(odometry_pose), False
+        if odometry_pose is not None and not is_missed:
+            motion = UncertainPose(self.last.pose.copy(), cov.copy())
+            is_measured = self._measure(*motion, odometry_pose)
         return Prediction(
-            motion=UncertainPose(pose, cov),
+            motion=motion,
             repeated=repeated,
             is_measured=is_measured,
             deskewer=deskewer,
             odometry_pose=odometry_pose,
-            recovery=self.config.recovery_covariance(pose, seconds),
-            reach=min(self.config.recovery_speed * seconds, _LONGEST_STEP) + math.hypot(pose[0], pose[1]),
-            onward=(stretch - 1) * pose,
+            config=self.config,
+            seconds=seconds,
+            stretch=stretch,
             is_missed=is_missed,
         )
 
@@ -114,12 +132,21 @@ class MotionModel(NamedTuple):
 
     def updated(self, prediction: Prediction, motion: UncertainPose, *, is_fully_observed: bool) -> MotionModel:
         """Return the model after a scan whose motion was measured."""
-        model = self._changed_by(motion.pose - self.last.pose) if is_fully_observed else self._inflated()
+        variances = self._after_change(motion.pose - self.last.pose) if is_fully_observed else self._inflated()
+        noise, ways = self.odometry_noise, self.ways
         if is_fully_observed and prediction.is_measured:
             noise, ways = self._learned_noise(prediction, motion.pose), self._learned_ways(prediction, motion.pose)
-            model = model._replace(odometry_noise=noise, ways=ways)
-        moved = self._moved(prediction, motion)
-        return model.advanced(prediction)._replace(moved=moved, last=motion, n_failures=0)
+        return self._replace(
+            last=motion,
+            variance_translation=variances[0],
+            variance_turn=variances[1],
+            odometry_pose=prediction.odometry_pose,
+            moved=self._moved(prediction, motion),
+            deskewer=prediction.deskewer,
+            n_failures=0,
+            odometry_noise=noise,
+            ways=ways,
+        )
 
     def updated_without_match(self, prediction: Prediction, motion: UncertainPose) -> MotionModel:
         """Return the model after a scan that nothing matches, and for which `motion` was taken."""
@@ -145,10 +172,10 @@ class MotionModel(NamedTuple):
             return None
         return motion.pose if self.moved is None else se2.compose(self.moved, motion.pose)
 
-    def _measure(self, pose: Pose, cov: Pose, odometry_pose: Pose | None) -> bool:
+    def _measure(self, pose: Pose, cov: Cov, odometry_pose: Pose) -> bool:
         """Write into an expected motion what another odometry measured of it; return whether the translation was."""
         config, before = self.config, self.odometry_pose
-        if odometry_pose is None or before is None:
+        if before is None:
             return False
         by_wheels = se2.between(before, odometry_pose)
         by_wheels[:2] *= self.ways[0] / self.ways[1]
@@ -192,17 +219,19 @@ class MotionModel(NamedTuple):
             return self.ways
         return by_matches + (x * motion[0] + y * motion[1]) / path, by_wheels + path * by_wheels / by_matches
 
-    def _changed_by(self, change: Pose) -> MotionModel:
-        """Return the model after one more change of the motion was seen."""
+    def _after_change(self, change: Pose) -> tuple[float, float]:
+        """Return the variances of translation and turn after one more change of the motion was seen."""
         x, y, theta = change.tolist()
         translation = self._averaged(self.variance_translation, 0.5 * (x * x + y * y))
-        turn = self._averaged(self.variance_turn, wrap_angle(theta) ** 2)
-        return self._replace(variance_translation=translation, variance_turn=turn)
+        return translation, self._averaged(self.variance_turn, wrap_angle(theta) ** 2)
 
-    def _inflated(self) -> MotionModel:
-        """Expect again, bit by bit, such turns as before any was seen: a robot starts to turn at once, not to drive."""
+    def _inflated(self) -> tuple[float, float]:
+        """Return variances that expect again, bit by bit, such turns as before any was seen.
+
+        A robot starts to turn at once, not to drive.
+        """
         wide = max(self.config.sigma_m**2, self.variance_turn)
-        return self._replace(variance_turn=self.variance_turn + (wide - self.variance_turn) / self.config.memory)
+        return self.variance_translation, self.variance_turn + (wide - self.variance_turn) / self.config.memory
 
     def _averaged(self, variance: float, square: float) -> float:
         square = min(square, self.config.motion_gate_chi2 * variance)  # one leap is not a habit

@@ -99,15 +99,19 @@ class Observation:
         """The scan deskewed with the expected motion, and ready to be matched."""
         return self.prepared(self.prediction.motion.pose)
 
+    @property
+    def is_deskewed(self) -> bool:
+        """Whether the motion during the sweep is taken out."""
+        return self.config.deskew and self.scan.time_increment != 0.0
+
     def is_bent(self, expected: Pose, found: Pose) -> bool:
         """Return whether the sweep comes out otherwise by a motion since the last scan than by the expected one."""
-        is_deskewed = self.config.deskew and self.scan.time_increment != 0.0
-        return is_deskewed and self.prediction.deskewer.is_worth_again(self.scan, expected, found)
+        return self.is_deskewed and self.prediction.deskewer.is_worth_again(self.scan, expected, found)
 
     def prepared(self, motion: Pose) -> PreparedScan:
         """Return the scan ready to be matched, deskewed with a motion since the last one."""
         return self.matching.prepare(
-            self.prediction.deskewer.deskewed(self.scan, motion) if self.config.deskew else self.scan
+            self.prediction.deskewer.deskewed(self.scan, motion) if self.is_deskewed else self.scan
         )
 
 

@@ -105,7 +105,8 @@ class Odometry:
 
     def _commit(self, observation: Observation, placement: Placement) -> None:
         """Take up what was found: the one place where anything changes."""
-        before, reference = self._state, self._matching.as_reference(placement.current)
+        before, scan = self._state, placement.current
+        is_reference = placement.is_reference and self._matching.can_be_reference(scan)
         older, last = before.older, before.localization
         if placement.outcome is StepOutcome.LOST:
             older = None
@@ -115,7 +116,7 @@ class Odometry:
             motion=placement.motion,
             n_scans=before.n_scans + 1,
             localization=placement.localization,
-            previous=reference if placement.is_reference else None,
+            previous=scan if is_reference else None,
             older=older,
             first=observation.scan if before.n_scans == 0 else None,
             gap=placement.gap,
@@ -130,10 +131,11 @@ def _as_step(observation: Observation, placement: Placement) -> Step:
         stamp=observation.scan.stamp,
         pose=pose_map_scan.pose,
         covariance=pose_map_scan.covariance,
-        pose_odom=pose_map_scan.pose,
-        covariance_odom=pose_map_scan.covariance,
-        motion=placement.step_motion.pose,
-        motion_covariance=placement.step_motion.covariance,
+        # their own: who changes what is returned changes nothing here
+        pose_odom=pose_map_scan.pose.copy(),
+        covariance_odom=pose_map_scan.covariance.copy(),
+        motion=placement.step_motion.pose.copy(),
+        motion_covariance=placement.step_motion.covariance.copy(),
         outcome=placement.outcome,
         match=placement.match,
         reference=placement.reference,

@@ -10,7 +10,7 @@ import numpy as np
 
 from curvescan.matchers import MatchResult
 from curvescan.se2 import is_positive_definite
-from curvescan.se2.uncertain import UncertainPose, between
+from curvescan.se2.uncertain import UncertainPose, between, eigen3
 from curvescan.types import Cov, Pose
 
 if TYPE_CHECKING:
@@ -134,6 +134,6 @@ def between_steps(origin: Step, step: Step) -> UncertainPose:
     found = between(UncertainPose(origin.pose, origin.covariance), UncertainPose(step.pose, step.covariance))
     if is_positive_definite(found.covariance):
         return found
-    values, vectors = np.linalg.eigh(found.covariance)
+    values, vectors = eigen3(found.covariance)
     # the two hang on one keyframe, or a stretch was settled since: the poses then differ by what was put right
     return UncertainPose(found.pose, (vectors * np.abs(values)) @ vectors.T)

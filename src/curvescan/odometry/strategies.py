@@ -135,7 +135,7 @@ def _extrapolate(o: Observation, last: Localization, failed: _Attempt) -> Placem
     # the next update of the wheels says where the sensor is, and not where it was at this scan
     if o.prediction.is_missed:
         return placement._replace(is_reference=False)
-    if o.matching.as_reference(o.current) is None:
+    if not o.matching.can_be_reference(o.current):
         return placement
     if o.state.gap is not None:
         settled = settle_gap(o, placement, is_counted=not o.prediction.is_measured)
@@ -148,6 +148,8 @@ def _extrapolate(o: Observation, last: Localization, failed: _Attempt) -> Placem
 
 def _with_better_sweep(o: Observation, attempt: _Attempt) -> _Attempt:
     """Return the match once more where it found a motion that deskews the sweep better than the expected one."""
+    if not o.is_deskewed:
+        return attempt
     found = se2.between(attempt.origin.pose, attempt.gated.pose_keyframe_scan.pose)
     if not o.is_bent(o.prediction.motion.pose, found):
         return attempt

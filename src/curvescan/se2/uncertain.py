@@ -1,4 +1,4 @@
-"""A pose with its covariance, and the four things the odometry does with it: compose, between, inverse, fuse.
+"""A pose with its covariance, what is done with it, compose, between, inverse, fuse, and what those are made of.
 
 To first order, as in Smith, Self and Cheeseman, "Estimating uncertain spatial relationships in robotics" (1990). One
 pose at a time, in kernels: the odometry does this a dozen times a scan. They are written out element by element, as
@@ -13,6 +13,9 @@ from curvescan._jit import inlined, kernel
 from curvescan.se2 import LEAST_VARIANCE
 from curvescan.types import Cov, Floats, Pose
 from curvescan.types import UncertainPose as UncertainPose
+
+_N_SWEEPS = 8  # of Jacobi rotations: four reach rounding, the rest is for matrices of any scale
+_ROUNDING = 1e-15  # of the diagonal: what is left of the other elements is nothing
 
 
 @inlined
@@ -131,6 +134,48 @@ def inverse3(m: Cov) -> Cov:
     inverse[0, 2] = inverse[2, 0] = (a * c - b) * (x * z / determinant)
     inverse[1, 2] = inverse[2, 1] = (a * b - c) * (y * z / determinant)
     return inverse
+
+
+@kernel
+def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
+    """Return ascending eigenvalues, and eigenvectors (columns), of a symmetric 3 x 3 matrix, by Jacobi rotations."""
+    a = np.empty((3, 3))
+    v = np.zeros((3, 3))
+    for i in range(3):
+        v[i, i] = 1.0
+        for k in range(3):
+            a[i, k] = matrix[i, k]
+    for _ in range(_N_SWEEPS):
+        off = abs(a[0, 1]) + abs(a[0, 2]) + abs(a[1, 2])
+        if off <= _ROUNDING * (abs(a[0, 0]) + abs(a[1, 1]) + abs(a[2, 2])):
+            break
+        for p in range(2):
+            for q in range(p + 1, 3):
+                if a[p, q] == 0.0:
+                    continue
+                ratio = 0.5 * (a[q, q] - a[p, p]) / a[p, q]
+                t = 1.0 / (abs(ratio) + math.sqrt(1.0 + ratio * ratio))
+                t = -t if ratio < 0.0 else t
+                c = 1.0 / math.sqrt(1.0 + t * t)
+                s = t * c
+                for k in range(3):
+                    akp, akq = a[k, p], a[k, q]
+                    a[k, p], a[k, q] = c * akp - s * akq, s * akp + c * akq
+                for k in range(3):
+                    apk, aqk = a[p, k], a[q, k]
+                    a[p, k], a[q, k] = c * apk - s * aqk, s * apk + c * aqk
+                    vkp, vkq = v[k, p], v[k, q]
+                    v[k, p], v[k, q] = c * vkp - s * vkq, s * vkp + c * vkq
+    values = np.empty(3)
+    for k in range(3):
+        values[k] = a[k, k]
+    for i in range(2):
+        for k in range(2 - i):
+            if values[k] > values[k + 1]:
+                values[k], values[k + 1] = values[k + 1], values[k]
+                for row in range(3):
+                    v[row, k], v[row, k + 1] = v[row, k + 1], v[row, k]
+    return values, v
 
 
 @kernel

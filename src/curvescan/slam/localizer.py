@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,7 +34,7 @@ from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, Views, said
 from curvescan.slam.loops.closures import is_certain
 from curvescan.slam.map import SlamMap
-from curvescan.types import Pose
+from curvescan.types import Pose, changed
 
 _NOWHERE = UncertainPose(np.full(3, np.nan), np.full((3, 3), np.nan))
 """The pose of a sensor that is searched for."""
@@ -222,5 +221,9 @@ class Localizer:
     def _at(self, step: Step, outcome: StepOutcome, here: UncertainPose = _NOWHERE, keyframe: int = -1) -> Step:
         """Return the step of a scan whose pose in the map is `here`, by its step of the odometry."""
         around, cov = (here, here.covariance) if self._fix is None else self._matching.in_map(here, self._fix.keyframe)
-        pose, own = around
-        return replace(step, pose=pose, covariance=own, outcome=outcome, keyframe=keyframe, covariance_global=cov)
+        pose, own, cov = (
+            around.pose.copy(),
+            around.covariance.copy(),
+            cov.copy(),
+        )  # who changes them changes nothing here
+        return changed(step, pose=pose, covariance=own, outcome=outcome, keyframe=keyframe, covariance_global=cov)

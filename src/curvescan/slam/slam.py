@@ -12,7 +12,6 @@ import sys
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import deepcopy
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -39,7 +38,7 @@ from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.records import Records
-from curvescan.types import Cov, Ints, Pose
+from curvescan.types import Cov, Ints, Pose, changed
 
 _VAGUE = 0.3  # a new keyframe is due when the way since the last one is known no better, metres and radians
 _N_LEAST, _GROWTH = 10, 0.05  # keyframes between optimizations, and share by which the graph grows, if no loop closes
@@ -125,7 +124,7 @@ class Slam:
             if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
                 seen = self._begin_fragment(scan, step, se2.compose(self._map.current_in_map().pose, seen.pose))
             elif step.is_driven or not step.is_unsettled:
-                is_vague = np.trace(seen.covariance) >= _VAGUE**2
+                is_vague = sum(seen.covariance.diagonal().tolist()) >= _VAGUE**2
                 if is_vague or self.config.keyframes.is_far(seen.pose):
                     seen = self._make_keyframe(scan, step, seen)
         self._n_scans += 1
@@ -135,7 +134,7 @@ class Slam:
         self._optimize_beside()
         is_revised, self._map.is_revised = self._map.is_revised, False
         here = compose(self._map.current_in_map(), seen)
-        return replace(
+        return changed(
             step,
             pose=here.pose,
             covariance=here.covariance,

@@ -39,7 +39,8 @@ def refine_candidates(problem: Problem, found: Candidates) -> tuple[ScoredPoses,
     there. None where no pose finds enough support.
     """
     ref = problem.reference
-    contested = found.scores > CONTESTED * found.scores[:1]
+    scores = found.scores.tolist()
+    contested = [k for k, score in enumerate(scores) if score > CONTESTED * scores[0]]
     scored, assessment = look_closer(problem, found.poses[contested])
     if assessment is not None and (assessment.is_weakly_observable(problem.config) or scored.is_along_walls):
         scored, assessment = look_closer(problem, with_places_along(problem, scored.poses, assessment.weakest))

@@ -24,7 +24,6 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 
 _NO_CODES = np.empty(0, dtype=np.uint8)
-_MIN_SAMPLES = 6
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,7 +49,7 @@ class CurvescanMatcher:
 
     def can_be_reference(self, features: CurvescanFeatures) -> bool:
         """Return whether the scan has surfaces to compare."""
-        return len(features.image.samples) >= _MIN_SAMPLES
+        return len(features.image.samples) > 0
 
     def match(
         self, reference: CurvescanFeatures, current: CurvescanFeatures, prior: UncertainPose | None

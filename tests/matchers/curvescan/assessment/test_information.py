@@ -15,7 +15,6 @@ from curvescan.matchers.curvescan.assessment.information import (
     LEVER2,
     SPURIOUS,
     add_information,
-    eigen3,
     matrices,
     pose_information,
 )
@@ -39,22 +38,6 @@ def information_of(ref, partner_ref, cur, partner_cur, pose):
     scan = pair()[0]
     scans = [scan._replace(image=scan.image._replace(surfels=one), objects=no_objects(len(one))) for one in (ref, cur)]
     return pose_information(*scans, (partner_ref, partner_cur), pose, 0.0)[:4]
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_eigenvalues_and_eigenvectors_are_those_of_numpy(seed):
-    root = np.random.default_rng(seed).normal(size=(3, 3)) * [1.0, 10.0, 0.1]
-    matrix = root.T @ root
-    values, vectors = eigen3(matrix)
-    np.testing.assert_allclose(values, np.linalg.eigvalsh(matrix), rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(vectors @ np.diag(values) @ vectors.T, matrix, atol=1e-9)
-    np.testing.assert_allclose(vectors.T @ vectors, np.eye(3), atol=1e-12)
-
-
-def test_eigen_of_a_diagonal_matrix():
-    values, vectors = eigen3(np.diag([3.0, 1.0, 2.0]))
-    np.testing.assert_array_equal(values, [1.0, 2.0, 3.0])
-    np.testing.assert_array_equal(np.abs(vectors), np.eye(3)[:, [1, 2, 0]])
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -20,6 +20,7 @@ from curvescan.matchers.curvescan.features.features import Surfaces
 from curvescan.matchers.curvescan.features.objects import Objects, all_movable
 from curvescan.matchers.curvescan.features.surfels import NX, NY, TILT, VARIANCE
 from curvescan.matchers.curvescan.refinement import N_TRIANGLE, XX, YY, add_square
+from curvescan.se2.uncertain import eigen3
 from curvescan.types import Bools, Floats, Ints
 
 Row: TypeAlias = tuple[float, float, float]
@@ -39,9 +40,7 @@ _LASTS = 60.0  # seconds that things which stand against a wall are taken to sta
 # Share of the variance of a reading that the line through it holds: OWN_SHARE of its noise, and the rest of a mean.
 _LINE_NOISE = 0.3
 _LEAST_LEVER = 1e-3  # metres, so that nothing is divided by zero
-_N_SWEEPS = 8  # of Jacobi rotations: four reach rounding, the rest is for matrices of any scale
 _SAGITTA2 = 0.5 * 0.5  # square of the half that a sagitta is of the arc's length times its turn
-_ROUNDING = 1e-15  # of the diagonal: what is left of the other elements is nothing
 
 
 @kernel
@@ -98,48 +97,6 @@ def add_reading(sums: Floats, weight: float, false: float, normal: Row, along: R
     """Add the information of one reading, and what is spurious of it; rows: of x, y, theta."""
     add_square(sums, INFORMATION, weight, normal[0], normal[1], normal[2])
     add_square(sums, SPURIOUS, false, along[0], along[1], along[2])
-
-
-@kernel
-def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
-    """Return ascending eigenvalues, and eigenvectors (columns), of a symmetric 3 x 3 matrix, by Jacobi rotations."""
-    a = np.empty((3, 3))
-    v = np.zeros((3, 3))
-    for i in range(3):
-        v[i, i] = 1.0
-        for k in range(3):
-            a[i, k] = matrix[i, k]
-    for _ in range(_N_SWEEPS):
-        off = abs(a[0, 1]) + abs(a[0, 2]) + abs(a[1, 2])
-        if off <= _ROUNDING * (abs(a[0, 0]) + abs(a[1, 1]) + abs(a[2, 2])):
-            break
-        for p in range(2):
-            for q in range(p + 1, 3):
-                if a[p, q] == 0.0:
-                    continue
-                ratio = 0.5 * (a[q, q] - a[p, p]) / a[p, q]
-                t = 1.0 / (abs(ratio) + math.sqrt(1.0 + ratio * ratio))
-                t = -t if ratio < 0.0 else t
-                c = 1.0 / math.sqrt(1.0 + t * t)
-                s = t * c
-                for k in range(3):
-                    akp, akq = a[k, p], a[k, q]
-                    a[k, p], a[k, q] = c * akp - s * akq, s * akp + c * akq
-                for k in range(3):
-                    apk, aqk = a[p, k], a[q, k]
-                    a[p, k], a[q, k] = c * apk - s * aqk, s * apk + c * aqk
-                    vkp, vkq = v[k, p], v[k, q]
-                    v[k, p], v[k, q] = c * vkp - s * vkq, s * vkp + c * vkq
-    values = np.empty(3)
-    for k in range(3):
-        values[k] = a[k, k]
-    for i in range(2):
-        for k in range(2 - i):
-            if values[k] > values[k + 1]:
-                values[k], values[k + 1] = values[k + 1], values[k]
-                for row in range(3):
-                    v[row, k], v[row, k + 1] = v[row, k + 1], v[row, k]
-    return values, v
 
 
 @kernel
