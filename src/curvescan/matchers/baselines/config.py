@@ -34,7 +34,7 @@ class ShrinkConfig:
     first: float
     """Limit of the first iteration."""
     last: float
-    """Lowest limit; the method may not stop before it is reached."""
+    """Lowest limit."""
     decay: float
     """The limit of iteration t is first * exp(-decay * t)."""
 

@@ -44,8 +44,7 @@ class Prior(NamedTuple):
     def of(pose: ArrayLike, covariance: ArrayLike | None = None) -> Prior:
         """Return an initial pose that somebody gave; raises InvalidArgumentError where it is none."""
         given: Any = pose, INITIAL_COVARIANCE if covariance is None else covariance
-        here = known_pose(UncertainPose(*given), "initial_pose")
-        return Prior(here=UncertainPose(np.append(here.pose[:2], se2.wrap(here.pose[2])), here.covariance))
+        return Prior(here=known_pose(UncertainPose(*given), "initial_pose"))
 
     def moved(self, motion: UncertainPose, *, is_doubtful: bool) -> Prior:
         """Return the prior after a motion of the sensor; is_doubtful: whether no sure match measured it."""

@@ -57,14 +57,14 @@ def _histogram(points: Floats) -> Floats:
     """Return the weights of all pairs, shared among the neighbouring bins of distance and bearing."""
     counts = np.zeros(N_DISTANCES * N_BEARINGS * N_KINDS)
     for a in range(len(points)):
-        nx, ny = points[a, 2], points[a, -1]
+        nx, ny = points[a, 2], points[a, 3]
         for b in range(len(points)):
             dx, dy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
             distance = math.sqrt(dx * dx + dy * dy)
             if a == b or distance < 0.5 * _STEP or distance >= _STEP * (N_DISTANCES - 0.5):
                 continue
             bearing = math.atan2(nx * dy - ny * dx, nx * dx + ny * dy)
-            alike = nx * points[b, 2] + ny * points[b, -1]
+            alike = nx * points[b, 2] + ny * points[b, 3]
             kind = 0 if alike > 0.5 else 1 if alike < -0.5 else 2
             d, t = distance / _STEP - 0.5, bearing / (2.0 * math.pi) * N_BEARINGS - 0.5
             d0, t0 = math.floor(d), math.floor(t)

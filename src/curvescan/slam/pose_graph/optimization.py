@@ -20,6 +20,7 @@ from curvescan.types import Cov, Floats, Ints, Pose
 
 _SHORT = 0.1
 """Metres and radians: after a step no longer than this the factorization serves again, unless the next is longer."""
+_LEAST_STEP = 1e-5  # metres and radians: the last step of all
 
 
 class Edges(NamedTuple):
@@ -40,9 +41,7 @@ class Edges(NamedTuple):
         return Edges(self.ends[rows], self.measured[rows], self.information[rows])
 
 
-def optimize(
-    poses: Pose, edges: Edges, weights: Floats, anchors: Ints, elimination: Elimination, tolerance: float = 1e-5
-) -> Pose:
+def optimize(poses: Pose, edges: Edges, weights: Floats, anchors: Ints, elimination: Elimination) -> Pose:
     """Return the (n, 3) poses that the edges agree on best; weights (m,); anchors (k,); elimination: also of others."""
     order, indptr, rows = elimination
     rank = np.argsort(order)
@@ -58,7 +57,7 @@ def optimize(
             blocks = factorized(indptr, rows, edges.ends, jacobians, weighted, is_held)
             step = solved(indptr, rows, blocks, -gradient)
         poses, longest = poses + step, np.abs(step).max(initial=0.0)
-        if not longest > tolerance:
+        if not longest > _LEAST_STEP:
             break
     poses[:, 2] = se2.wrap(poses[:, 2])
     return poses[rank]
