@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import Field, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
@@ -51,11 +51,8 @@ class Job(Protocol):
 def digest_of(job: Job) -> str:
     """Return a digest of the kind and the options of a job, 16 hexadecimal digits."""
     kind = type(job)
-    fields = {
-        name for name, f in getattr(kind, "__dataclass_fields__", {}).items() if not f.metadata.get("is_option", True)
-    }
-    plain: Any = as_plain(job)
-    options = {k: v for k, v in plain.items() if k not in fields} if isinstance(plain, Mapping) else {}
+    parts: tuple[Field[Any], ...] = fields(job) if is_dataclass(job) else ()
+    options = {f.name: as_plain(getattr(job, f.name)) for f in parts if f.metadata.get("is_option", True)}
     text = json.dumps([kind.__module__, kind.__qualname__, options], sort_keys=True, default=repr)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
