@@ -8,7 +8,9 @@ import pytest
 import curvescan as cs
 from curvescan import se2
 from curvescan.cli.main import run as command
+from curvescan.cli.options import Reading
 from curvescan.errors import InvalidArgumentError
+from curvescan.runs.batch.jobs import digest_of
 from curvescan.simulation.buildings.catalogue import build_world
 from tests.bags import scan, transform, write_bag
 
@@ -122,6 +124,25 @@ def test_a_bag_of_two_lasers_is_read_as_one_log_and_mapped_by_one_flag(tmp_path,
     assert "join them with --rig" in capsys.readouterr().err
     assert command(["slam", str(bag), "--rig", "--topic", "/front"]) == 1
     assert "--rig takes the lasers as the bag has them" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_batch_joins_the_lasers_of_its_bags_by_the_same_flag(tmp_path, capsys):
+    bag, out = rig_bag(tmp_path / "rig", recorded(arc(4)), MOUNTS), tmp_path / "out"
+    arguments = ["batch", str(bag), "--workers", "1", "--out", str(out)]
+    assert command(arguments) == 1
+    assert "join them with --rig" in capsys.readouterr().err
+    assert command([*arguments, "--resume", "--rig"]) == 0
+    alone = cs.run(cs.Rig.of_bag(bag).read(bag), engine="odometry")
+    written = cs.read_poses(out / "rig" / "trajectory.csv").trajectory
+    assert np.abs(written.poses - alone.trajectory.poses).max() < 1e-5  # as the file has them
+
+
+def test_a_joined_log_has_other_options_than_one_of_a_laser(tmp_path):
+    bag = rig_bag(tmp_path / "rig", recorded(arc(2)), MOUNTS)
+    joined = Reading(rig=True).logs()
+    assert (len(joined.open(bag)), joined.open(bag)[0].is_full_circle) == (2, True)
+    assert digest_of(cs.OdometryJob(logs=joined)) != digest_of(cs.OdometryJob(logs=Reading().logs()))
 
 
 def test_a_bag_whose_transforms_do_not_lead_to_a_laser_is_refused(tmp_path):

@@ -14,7 +14,6 @@ import tyro
 
 from curvescan.errors import InvalidArgumentError, require
 from curvescan.io import SensorSetup
-from curvescan.io.reading import open_log
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.baselines.config import CoxConfig, HistogramConfig, IcpConfig, IdcConfig, PlIcpConfig
 from curvescan.matchers.cfsma.config import CfSmaConfig
@@ -24,7 +23,8 @@ from curvescan.odometry.config import OdometryConfig
 from curvescan.slam.config import SlamConfig
 
 if TYPE_CHECKING:
-    from curvescan.io import Log, SensorSetup
+    from curvescan.io import Log
+    from curvescan.runs.batch.jobs import LogOptions
     from curvescan.types import Floats
 
 LogPath: TypeAlias = Annotated[
@@ -193,14 +193,15 @@ class Reading:
         alike = ("ignore_beams", "clockwise", "drop_stale", "backwards")
         return SensorSetup(laser_pose=pose, upside_down=hangs, **{name: getattr(self, name) for name in alike})
 
+    def logs(self) -> LogOptions:
+        """Return how logs are opened, as the library has it."""
+        from curvescan.runs.batch.jobs import LogOptions
+
+        return LogOptions(range_max=self.range_max, topic=self.topic, rig=self.rig, setup=self.setup())
+
     def open(self, path: Path) -> Log:
         """Return the log that the flags ask for."""
-        if self.rig:
-            from curvescan.engines.rig import Rig
-
-            return Rig.of_bag(path).read(path)
-
-        return open_log(path, range_max=self.range_max, topic=self.topic, setup=self.setup())
+        return self.logs().open(path)
 
 
 ReadingFlags: TypeAlias = Annotated[Reading, tyro.conf.arg(name="", help="How the log is read.")]

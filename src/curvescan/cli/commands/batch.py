@@ -94,11 +94,9 @@ def batch(
 
 
 def _job(rules: OdometryFlags, slam: SlamConfig | None, use: LogFlags, occupancy: OccupancyConfig) -> Job:
-    from curvescan.runs.batch.jobs import LogOptions, OdometryJob, SlamJob
+    from curvescan.runs.batch.jobs import OdometryJob, SlamJob
 
-    reading = use.reading
-    logs = LogOptions(range_max=reading.range_max, topic=reading.topic, setup=reading.setup())
-    shared = {"occupancy": occupancy, "logs": logs, **use.options(rules.matching)}
+    shared = {"occupancy": occupancy, "logs": use.reading.logs(), **use.options(rules.matching)}
     return OdometryJob(config=rules.config(), **shared) if slam is None else SlamJob(config=slam, **shared)
 
 

@@ -65,11 +65,17 @@ class LogOptions:
     """Upper limit of a valid reading, metres, in place of what the log says."""
     topic: str | None = None
     """Which topic of a ROS bag to read."""
+    rig: bool = False
+    """Whether to join all lasers of a ROS bag into one; all else is then as the bag has it."""
     setup: SensorSetup = field(default_factory=SensorSetup)
     """How the laser is set up."""
 
     def open(self, path: Path) -> Log:
         """Return the log in a file."""
+        if self.rig:
+            from curvescan.engines.rig import Rig
+
+            return Rig.of_bag(path).read(path)
         return open_log(path, range_max=self.range_max, topic=self.topic, setup=self.setup)
 
 
