@@ -85,6 +85,23 @@ def test_a_folder_of_something_else_is_refused(tmp_path):
         cs.view(3)
 
 
+@pytest.mark.parametrize(
+    ("damaged", "fault"),
+    [
+        (lambda text: text[: text.rindex(b",")], "a row has no meaning"),
+        (lambda text: text.replace(b",", b";"), "a row has no keyframe_i"),
+        (lambda text: text.replace(b"loop", b"l\xf6\xf6p"), "can't decode byte"),
+        (lambda text: text.replace(b"0.", b"zero"), "could not convert string to float"),
+    ],
+)
+def test_damaged_closures_are_a_sentence(results, tmp_path, damaged, fault):
+    shutil.copytree(results, tmp_path / "out")
+    path = tmp_path / "out" / "closures.csv"
+    path.write_bytes(damaged(path.read_bytes()))
+    with pytest.raises(cs.LogFormatError, match=rf"closures\.csv is damaged: .*{fault}"):
+        cs.view(tmp_path / "out")
+
+
 def test_one_file_opens_without_a_server_and_says_why_a_closure_was_accepted(results, tmp_path):
     cs.view(results, results / "map.csmap").save(tmp_path / "run.html")
     assert b"http:" not in (tmp_path / "run.html").read_bytes().replace(b"http://www.w3.org", b"")

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,10 +27,25 @@ from curvescan.types import Cov, Floats, Ints, Pose
 _SENTENCES = {o.name.lower(): o.value for o in StepOutcome}
 _ACCEPTED = (ClosureOutcome.ACCEPTED.name.lower(), ClosureOutcome.AGREED.name.lower())
 _BEAMS = {"ranges": np.uint16, "layout": np.int32, "angles": np.float32, "n_angles": np.int32}  # of all scans
+_COLUMNS = (
+    "keyframe_i", "keyframe_j", "kind", "outcome", "meaning", "score", "confidence", "squared_mahalanobis"
+)  # fmt: skip
 _FOLLOWED = 0.5  # the optimum follows an edge of more weight
 _UNFOLLOWED = ("left_out", "It was accepted; the optimum leaves it out, as other edges contradict it.")
 _CARRIED = ("in_the_map", "It has no record: added by hand, of an earlier session, or of keyframes that have gone.")
 _DROPPED = ("dropped", "It was accepted, and is no longer in the map.")
+
+
+class TriedClosure(NamedTuple):
+    """A row of closures.csv."""
+
+    # numbers of its keyframes
+    i: int
+    j: int
+    is_loop: bool  # or a match of neighbours along the path
+    outcome: str
+    meaning: str
+    values: list[float]  # score, confidence and squared Mahalanobis distance; NaN where there is none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +56,7 @@ class FinishedRun:
     slam_map: SlamMap | None  # its map, if it is one of SLAM
     numbers: Ints  # (k,): number of each keyframe in the records of closures
     scan_of: Mapping[int, int]  # scan of a keyframe by its number
-    closures: Sequence[Mapping[str, str]]  # rows of closures.csv
+    closures: Sequence[TriedClosure]
 
 
 def read_results(path: Path) -> FinishedRun:
@@ -128,7 +143,7 @@ def revised_tree(run: FinishedRun, mended: SlamMap) -> dict[str, Any]:
 
 
 def describe_map(
-    slam_map: SlamMap, closures: Sequence[Mapping[str, str]], numbers: Ints, scan_of: Mapping[int, int], path: Pose
+    slam_map: SlamMap, closures: Sequence[TriedClosure], numbers: Ints, scan_of: Mapping[int, int], path: Pose
 ) -> dict[str, Any]:
     """Return keyframes, and each closure that was tried or that the map holds, with its outcome and its place.
 
@@ -146,17 +161,14 @@ def describe_map(
         return (float(poses[k, 0]), float(poses[k, 1])) if 0 <= k < len(poses) else (np.nan, np.nan)
 
     found: list[tuple[int, int, tuple[str, str], list[float]]] = []
-    for c in closures:
-        i, j = int(c["keyframe_i"]), int(c["keyframe_j"])
+    for i, j, is_loop, name, text, values in closures:
         # neighbours along the path are matched too; they close no loop
-        of_neighbours = "" if c["kind"] == "loop closure" else " (neighbours)"
-        name, text = c["outcome"], c["meaning"]
+        of_neighbours = "" if is_loop else " (neighbours)"
         weight = weight_of.pop((row_of.get(i, -1), row_of.get(j, -1)), None)
         if name in _ACCEPTED and weight is None and i in row_of and j in row_of:
             name, text = _DROPPED
         elif name in _ACCEPTED and weight is not None and weight <= _FOLLOWED:
             name, text = _UNFOLLOWED
-        values = [float(c[column] or "nan") for column in ("score", "confidence", "squared_mahalanobis")]
         found.append((i, j, (name + of_neighbours, text), values))
     for (a, b), weight in weight_of.items():
         what = _CARRIED if weight > _FOLLOWED else _UNFOLLOWED
@@ -205,11 +217,22 @@ def _four(covariances: Cov | None, n: int) -> Floats:
     return covariances[:, [0, 0, 1, 2], [0, 1, 1, 2]].astype(np.float32)
 
 
-def _closures(path: Path) -> list[dict[str, str]]:
+def _closures(path: Path) -> list[TriedClosure]:
     if not path.is_file():
         return []
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return [_closure(row) for row in csv.DictReader(file)]
+    except (ValueError, csv.Error) as error:
+        raise LogFormatError(f"{path} is damaged: {error}") from error
+
+
+def _closure(row: Mapping[str, str]) -> TriedClosure:
+    if missing := [name for name in _COLUMNS if row.get(name) is None]:
+        raise ValueError(f"a row has no {missing[0]}")
+    i, j, kind, outcome, meaning, *figures = (row[name] for name in _COLUMNS)
+    values = [float(figure or "nan") for figure in figures]
+    return TriedClosure(int(i), int(j), kind == "loop closure", outcome, meaning, values)
 
 
 def _record(folder: Path) -> dict[str, Any]:
