@@ -232,6 +232,17 @@ def test_methods_on_a_log_are_measured_against_its_relations(tmp_path):
     assert "Experiment" not in report
 
 
+def test_results_are_json_where_a_method_finds_nothing(tmp_path):
+    ranges = np.full((3, 181), np.nan)
+    blind = cs.log_from_arrays(
+        zip(range(3), ranges, strict=True), angle_min=-1.57, angle_increment=0.0175, odometry=np.zeros((3, 3))
+    )
+    save_experiments(tmp_path, run_experiments(methods=["cfsma"], logs=[blind], only_logs=True))
+    [record] = json.loads((tmp_path / "results.json").read_text(), parse_constant=pytest.fail)["logs"]
+    assert record["median_difference"] == record["motion_p99"] == [None, None]
+    assert record["right"] == 0.0
+
+
 def test_relations_must_belong_to_one_log_each():
     log = simulate("room", n_scans=4, seed=1)
     own = relations_of(log, [(0, 2)])

@@ -194,3 +194,10 @@ def test_an_unknown_option_is_told():
         cs.run([], odometry_priors=True)
     with pytest.raises(cs.InvalidArgumentError, match="localize has an unknown key 'truth'"):
         cs.localize([], "floor.csmap", truth=None)
+
+
+@pytest.mark.slow
+def test_the_record_of_a_run_is_json_where_a_parameter_is_infinite(log_file, tmp_path):
+    cs.run(log_file, config={"keyframes": {"distance": float("inf")}}, out=tmp_path / "a")
+    record = json.loads((tmp_path / "a" / "run.json").read_text(), parse_constant=pytest.fail)
+    assert record["config"]["odometry"]["keyframes"]["distance"] == "inf"

@@ -12,7 +12,7 @@ from curvescan.paper.experiments import CONSISTENT, Experiments, ScenarioCompari
 from curvescan.paper.random_transform import N_PAPER_CONDITIONS, RandomTransformRuns
 from curvescan.paper.scenarios import ScenarioResult
 from curvescan.runs.document import Part, ResultTable, save_document
-from curvescan.runs.evaluation import number_or_null, relation_record
+from curvescan.runs.evaluation import relation_record
 from curvescan.runs.results import write_record
 
 _TEXT = shipped_table(__package__, "report.toml")
@@ -27,7 +27,7 @@ def save_experiments(folder: Path, results: Experiments) -> None:
 
 
 def as_record(results: Experiments) -> dict[str, object]:
-    """Return the results as what results.json holds; the same for the same seed but for the milliseconds."""
+    """Return what results.json holds, with NaN for its null; one seed gives the same but for the milliseconds."""
     return {
         "curvescan": __version__,
         "seed": results.seed,
@@ -53,8 +53,8 @@ def as_record(results: Experiments) -> dict[str, object]:
                 "method": judged.method,
                 "steps": judged.n_steps,
                 "failures": {k.name.lower(): n for k, n in judged.failures.items()},
-                "right": None if np.isnan(judged.right_share) else judged.right_share,
-                "wrong": None if np.isnan(judged.wrong_share) else judged.wrong_share,
+                "right": judged.right_share,
+                "wrong": judged.wrong_share,
                 "motion_p99": judged.largest_motion,
                 "median_difference": None if judged.difference is None else judged.median_difference,
                 "milliseconds": float(1e3 * np.median(judged.seconds)),
@@ -92,10 +92,10 @@ def _drive_record(result: ScenarioResult) -> dict[str, object]:
         "mean_variance": result.variances.mean(axis=0).tolist() if len(result.variances) else None,
         "largest_variance": result.variances.max(axis=0).tolist() if len(result.variances) else None,
         "mean_lu_milios": result.lu_milios.mean(axis=0).tolist() if len(result.lu_milios) else None,
-        "people_matched": number_or_null(result.people_matched.value),
-        "static_matched": number_or_null(result.static_matched.value),
-        "moved_precision": number_or_null(result.moved_precision.value),
-        "moved_recall": number_or_null(result.moved_recall.value),
+        "people_matched": result.people_matched.value,
+        "static_matched": result.static_matched.value,
+        "moved_precision": result.moved_precision.value,
+        "moved_recall": result.moved_recall.value,
         "milliseconds": float(1e3 * np.median(result.run.seconds)),
     }
 

@@ -1,7 +1,6 @@
 """Errors of trajectories in a folder: a report with tables, a record and figures."""
 
 import dataclasses
-import json
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -32,6 +31,7 @@ from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.plots.evaluation import draw_overlay, draw_reference_errors, draw_relation_errors, draw_relation_places
 from curvescan.runs.document import Part, ResultTable, write_markdown
 from curvescan.runs.result import Run
+from curvescan.runs.results import write_json
 
 _WHICH: dict[Which, str] = {
     "near": "near, under {near:g} s apart",
@@ -117,11 +117,11 @@ def _name(source: object) -> str:
 
 
 def relation_record(errors: RelationErrors) -> dict[str, object]:
-    """Return the errors of relations as a JSON file holds them: metres, radians."""
+    """Return the errors of relations as the record of a JSON file: metres, radians; NaN without any."""
     record: dict[str, object] = {"given": errors.n_given, "missing": errors.n_missing}
     for which in get_args(Which):
         translation, rotation = errors.spreads(which)
-        record[which] = {"translation_m": _record(translation), "rotation_rad": _record(rotation)}
+        record[which] = {"translation_m": dataclasses.asdict(translation), "rotation_rad": dataclasses.asdict(rotation)}
     return record
 
 
@@ -132,21 +132,21 @@ def _reference_record(errors: ReferenceErrors) -> dict[str, object]:
         "pairs": len(errors.association),
         "exact_pairs": errors.association.n_exact,
         "paired_by": errors.association.by,
-        "ate_best_m": _record(Spread.of(errors.ate_best)),
-        "ate_first_m": _record(Spread.of(errors.ate_first)),
+        "ate_best_m": dataclasses.asdict(Spread.of(errors.ate_best)),
+        "ate_first_m": dataclasses.asdict(Spread.of(errors.ate_first)),
     }
     for name, one in (("frame", errors.rpe_frame), ("metre", errors.rpe_metre)):
-        record[f"rpe_{name}_translation_m"] = _record(Spread.of(one.translation))
-        record[f"rpe_{name}_rotation_rad"] = _record(Spread.of(one.rotation))
+        record[f"rpe_{name}_translation_m"] = dataclasses.asdict(Spread.of(one.translation))
+        record[f"rpe_{name}_rotation_rad"] = dataclasses.asdict(Spread.of(one.rotation))
     totals = errors.totals
     return record | {
         "path_m": totals.path_length,
         "turned_rad": totals.turned,
         "end_translation_m": totals.end_translation,
         "end_heading_rad": totals.turn_error,
-        "translation_drift_per_metre": number_or_null(totals.drift),
-        "heading_drift_per_metre_rad": number_or_null(totals.turn_per_metre),
-        "heading_drift_per_turn": number_or_null(totals.turn_drift),
+        "translation_drift_per_metre": totals.drift,
+        "heading_drift_per_metre_rad": totals.turn_per_metre,
+        "heading_drift_per_turn": totals.turn_drift,
     }
 
 
@@ -173,17 +173,7 @@ def _save(
     figures = zip(("errors.png", "trajectory.png"), texts, strict=True)
     parts: list[Part] = ["# Evaluation", facts, *notes, *tables, *figures]
     write_markdown(folder / "evaluation.md", parts)
-    whole = {"curvescan": __version__, **about, **record}
-    (folder / "evaluation.json").write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8", newline="\n")
-
-
-def _record(spread: Spread) -> dict[str, object]:
-    return {key: value if key == "n" else number_or_null(value) for key, value in dataclasses.asdict(spread).items()}
-
-
-def number_or_null(value: float) -> float | None:
-    """Return a number as JSON has it: NaN is null."""
-    return None if np.isnan(value) else value
+    write_json(folder / "evaluation.json", {"curvescan": __version__, **about, **record})
 
 
 def tables_of(errors: RelationErrors | ReferenceErrors) -> tuple[list[str], list[ResultTable]]:

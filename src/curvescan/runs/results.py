@@ -193,14 +193,29 @@ def percentiles(seconds: np.ndarray) -> dict[str, float]:
 def write_record(folder: Path, record: Mapping[str, object], name: str = RUN_RECORD) -> None:
     """Write the record of a run, its last file; "files" names all, so that a later run knows what to replace."""
     files = sorted({file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()} | {name})
-    (folder / name).write_text(json.dumps({**record, "files": files}, indent=2) + "\n", encoding="utf-8", newline="\n")
+    write_json(folder / name, {**record, "files": files})
 
 
 def list_further_files(folder: Path, results: Path) -> None:
     """Write into `folder` the record of the results that it adds files to, with the names of those."""
     record = json.loads((results / RUN_RECORD).read_text("utf-8"))
     record["files"] = sorted({*record["files"], *(file.name for file in folder.iterdir())})
-    (folder / RUN_RECORD).write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8", newline="\n")
+    write_json(folder / RUN_RECORD, record)
+
+
+def write_json(path: Path, record: Mapping[str, object]) -> None:
+    """Write a record as JSON, which knows finite numbers alone: NaN becomes null, an infinite parameter "inf"."""
+    path.write_text(json.dumps(_as_json(record), indent=2, allow_nan=False) + "\n", encoding="utf-8", newline="\n")
+
+
+def _as_json(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {key: _as_json(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_as_json(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else str(value)
+    return value
 
 
 def _digest(source: Path | None) -> dict[str, object]:
