@@ -230,11 +230,11 @@ def test_demo_needs_no_data(tmp_path, capsys):
 def test_bench_measures_and_tabulates(log, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("curvescan.benchmarks.benchmark.BEAM_COUNTS", (181, 361))
     monkeypatch.setattr("curvescan.benchmarks.benchmark.SCENARIOS", SCENARIOS[:2])
-    arguments = ["bench", "--pairs", "2", "--runs", "3", "--logs", str(log), "--out", str(tmp_path / "bench")]
+    arguments = ["bench", "--pairs", "2", "--runs", "5", "--logs", str(log), "--out", str(tmp_path / "bench")]
     assert run(arguments) == 0
     printed = capsys.readouterr().out
     written = (tmp_path / "bench" / "bench.md").read_text()
-    for title in ("Time of a scan of 361 beams", "Experiment 1, cfsma, 3 runs", "real logs"):
+    for title in ("Time of a scan of 361 beams", "Experiment 1, cfsma, 5 runs", "real logs"):
         assert title in printed
         assert title in written
     assert "| room.log | cfsma | 7 |" in written

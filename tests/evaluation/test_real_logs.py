@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import curvescan as cs
-from curvescan.benchmarks.benchmark import measure_speed
+from curvescan.benchmarks.benchmark import measure_speed, run_benchmark
 from curvescan.engines import run_engine
 from curvescan.evaluation.real_logs import assign_relations, evaluate_log
 from curvescan.evaluation.trajectory_errors import trajectory_errors
@@ -88,7 +88,6 @@ def test_experiment_1_reaches_the_papers_accuracy():
     assert (runs.mean_of_right[:2] < [0.012, 0.022]).all()
     assert 200 < runs.mean_n_matched < 290
     assert np.bincount(runs.batch).tolist() == [150 // N_BATCHES] * N_BATCHES
-    assert sum(runs.failures.values()) == np.count_nonzero(runs.n_matched == 0)
 
 
 def test_experiment_1_repeats_to_the_last_digit():
@@ -115,7 +114,6 @@ def test_the_scans_of_experiment_1_are_of_one_place_and_differ_by_noise_and_walk
 
 def test_speed_is_measured_for_each_scan_and_pair():
     speed = measure_speed("cfsma", n_pairs=2, repeats=3)
-    assert speed.n_beams == 361
     assert speed.prepare_seconds.shape == (12,)
     assert speed.match_seconds.shape == (6,)
     assert (speed.match_seconds > 0).all()
@@ -177,6 +175,24 @@ def test_a_log_is_judged_step_by_step():
         np.testing.assert_array_equal(judged.motion[k], cs.match(log[k], log[k + 1], method="cfsma").pose)
     assert judged.right_share + judged.wrong_share + judged.n_failed / 11 <= 1.0
     assert judged.right_share > 0.5
+
+
+def test_a_log_of_one_scan_is_refused_before_the_work_begins():
+    begun = []
+    for measure in (run_benchmark, run_experiments):
+        with pytest.raises(cs.InvalidArgumentError, match=r"matched with the one before: .* must .* 2 scans, got 1"):
+            measure(logs=[simulate("room", n_scans=1)], progress=lambda *what: begun.append(what))
+    assert not begun
+
+
+@pytest.mark.parametrize("n_runs", [0, 4, 12])
+def test_runs_of_experiment_1_that_seeds_cannot_share_are_refused_before_the_work_begins(n_runs):
+    begun = []
+    with pytest.raises(cs.InvalidArgumentError, match=f"a multiple of its 5 seeds, at least 5, got {n_runs}"):
+        run_random_transforms(n_runs=n_runs, on_run=lambda: begun.append(1))
+    with pytest.raises(cs.InvalidArgumentError, match=f"got {n_runs}"):
+        run_benchmark(n_runs=n_runs, progress=lambda *what: begun.append(what))
+    assert not begun
 
 
 def test_a_log_without_odometry_is_judged_by_its_motion():

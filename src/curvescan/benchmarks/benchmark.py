@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan.benchmarks.scenarios import OPEN_WORLDS, SCENARIOS, score_open, score_scenario
-from curvescan.evaluation.real_logs import evaluate_log
+from curvescan.evaluation.real_logs import check_logs, evaluate_log
 from curvescan.io.log import Log
 from curvescan.matchers import MATCHERS, match, prepare
 from curvescan.paper.experiments import Progress, in_silence
-from curvescan.paper.random_transform import CONDITIONS, RandomTransformRuns, run_random_transforms
+from curvescan.paper.random_transform import CONDITIONS, RandomTransformRuns, check_n_runs, run_random_transforms
 from curvescan.paper.tables import log_table
 from curvescan.runs.document import ResultTable
 from curvescan.simulation import SENSORS, ScanPair, Sensor, simulate_pairs
@@ -24,7 +24,6 @@ class Speed:
     """Times of one matcher over many pairs of scans."""
 
     method: str  # name of the matcher
-    n_beams: int  # beams of a scan
     prepare_seconds: Floats  # (2 m,): time of each preparation of a scan
     match_seconds: Floats  # (m,): time of each match of two prepared scans, without a guess
     guess_seconds: Floats  # (m,): the same with a guess as good as odometry's: 2 cm and 1 degree off
@@ -62,11 +61,7 @@ def measure_speed(
             rows.append(np.diff([*times, time.perf_counter()]))
     seconds = np.array(rows)
     return Speed(
-        method=method,
-        n_beams=len(pairs[0].reference),
-        prepare_seconds=seconds[:, :2].ravel(),
-        match_seconds=seconds[:, 2],
-        guess_seconds=seconds[:, 3],
+        method=method, prepare_seconds=seconds[:, :2].ravel(), match_seconds=seconds[:, 2], guess_seconds=seconds[:, 3]
     )
 
 
@@ -94,6 +89,8 @@ def run_benchmark(
     progress: Progress = in_silence,
 ) -> list[ResultTable]:
     """Return tables of time, success, accuracy and consistency of methods on simulated pairs and real logs."""
+    check_logs(logs)
+    check_n_runs(n_runs)
     n_timed = min(n_pairs, 200)
     tables = [
         _time_table(methods, n_timed, seed, progress),

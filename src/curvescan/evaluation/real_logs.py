@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.engines import RunRecord, run_engine
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import InvalidArgumentError, require
 from curvescan.evaluation.relations import RelationErrors, find_stamps, relation_errors
 from curvescan.io.log import Log
 from curvescan.io.trajectories.relations import Relations
@@ -81,6 +81,13 @@ class LogEvaluation:
             return float("nan"), float("nan")
         distance, angle = np.hypot(known[:, 0], known[:, 1]), np.abs(known[:, 2])
         return float(np.percentile(distance, 99.0)), float(np.percentile(angle, 99.0))
+
+
+def check_logs(logs: Sequence[Log]) -> None:
+    """Raise InvalidArgumentError where a log has no two scans to match."""
+    for log in logs:
+        rule = f"each scan of a log is matched with the one before: {log.name} must have at least 2 scans"
+        require(len(log) >= 2, rule, len(log))
 
 
 def evaluate_log(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from numpy.typing import ArrayLike
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.evaluation.real_logs import LogEvaluation, assign_relations, evaluate_log
+from curvescan.evaluation.real_logs import LogEvaluation, assign_relations, check_logs, evaluate_log
 from curvescan.io.log import Log
 from curvescan.io.trajectories.relations import Relations
 from curvescan.matchers import MATCHERS, find_matcher
@@ -87,6 +87,7 @@ def run_experiments(
     """Return the results of the paper's experiments on simulated scans, and of every method on real logs."""
     if only_logs and not logs:
         raise InvalidArgumentError("there is nothing to run without the simulated scans: give logs")
+    check_logs(logs)
     owned = assign_relations(logs, relations)
     conditions, experiments = ((), ()) if only_logs else (CONDITIONS, DRIVES)
     random_transforms = {}

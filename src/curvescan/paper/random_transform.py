@@ -6,7 +6,6 @@ second scan, and a sensor that is moved itself, so that surfaces hide and show a
 """
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias
@@ -14,9 +13,9 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from curvescan import se2
+from curvescan.errors import require
 from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.matchers.cfsma.matcher import CfSmaMatcher
-from curvescan.matchers.result import Outcome
 from curvescan.scan import LaserScan
 from curvescan.simulation import simulate, simulate_pairs
 from curvescan.types import Bools, Floats, Ints, Pose
@@ -77,7 +76,6 @@ class RandomTransformRuns:
     # (n, 3): absolute error of x, y, theta in the true frame: metres, metres, radians; NaN where the match failed
     errors: Floats
     n_matched: Ints  # (n,): matched pairs of readings N_t; 0 where the match failed
-    failures: dict[Outcome, int]  # failed runs by reason, most frequent first
     batch: Ints  # (n,): which seed each run belongs to, from 0
 
     @property
@@ -183,7 +181,6 @@ def match_transformed(
     matcher = CfSmaMatcher(config or CfSmaConfig())
     errors = np.full((len(pairs), 3), np.nan)
     n_matched = np.zeros(len(pairs), dtype=np.int64)
-    failures: Counter[Outcome] = Counter()
     for run, pair in enumerate(pairs):
         reference, current = matcher.prepare(pair.reference), matcher.prepare(pair.current)
         if moves == "scan":
@@ -192,11 +189,13 @@ def match_transformed(
         if result.ok:
             errors[run] = np.abs(se2.between(pair.pose, result.pose))
             n_matched[run] = result.n_matched
-        else:
-            failures[result.outcome] += 1
-    return RandomTransformRuns(
-        errors=errors, n_matched=n_matched, failures=dict(failures.most_common()), batch=np.full(len(pairs), batch)
-    )
+    return RandomTransformRuns(errors=errors, n_matched=n_matched, batch=np.full(len(pairs), batch))
+
+
+def check_n_runs(n_runs: int) -> None:
+    """Raise InvalidArgumentError unless every seed has the same number of runs, at least one."""
+    rule = f"runs of experiment 1 must be a multiple of its {N_BATCHES} seeds, at least {N_BATCHES}"
+    require(n_runs >= N_BATCHES and n_runs % N_BATCHES == 0, rule, n_runs)
 
 
 def run_random_transforms(
@@ -209,6 +208,7 @@ def run_random_transforms(
     on_run: Callable[[], object] = lambda: None,
 ) -> tuple[RandomTransformRuns, ...]:
     """Return CF-SMA's errors over random transforms of N_BATCHES seeds; configs (None: defaults) share the pairs."""
+    check_n_runs(n_runs)
     batches: list[list[RandomTransformRuns]] = [[] for _ in configs]
     for b in range(N_BATCHES):
         pairs = []
@@ -221,8 +221,5 @@ def run_random_transforms(
 
 
 def _joined(batches: list[RandomTransformRuns]) -> RandomTransformRuns:
-    failures = sum((Counter(one.failures) for one in batches), Counter[Outcome]())
-    errors, n_matched, batch = (
-        np.concatenate([getattr(one, name) for one in batches]) for name in ("errors", "n_matched", "batch")
-    )
-    return RandomTransformRuns(errors=errors, n_matched=n_matched, failures=dict(failures.most_common()), batch=batch)
+    names = ("errors", "n_matched", "batch")
+    return RandomTransformRuns(**{name: np.concatenate([getattr(one, name) for one in batches]) for name in names})

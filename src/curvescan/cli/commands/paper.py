@@ -212,7 +212,7 @@ def bench(
     pairs
         Pairs of scans in each scenario; times are taken on as many, at most 200.
     runs
-        Runs of each variant and world of experiment 1.
+        Runs of each variant and world of experiment 1, a multiple of 5.
     seed
         Seed of all simulated scans; the same seed gives the same errors.
     logs
