@@ -20,8 +20,8 @@ def draw_calibration(path: Path, calibration: Calibration) -> None:
         left, middle, right = figure.subplots(1, 3)
         for k, (group, peaks) in enumerate(zip(calibration.groups, calibration.false_peaks, strict=True)):
             left.plot(TOLERANCES, peaks, ".-", color=segment_colour(k), label=group.name)
-        left.set(xlabel="U_k [m]", ylabel="false peaks a plane", yscale="symlog", ylim=(0, None))
         left.set_yscale("symlog", linthresh=0.1)
+        left.set(xlabel="U_k [m]", ylabel="false peaks a plane", ylim=(0, None))
         left.axvline(config.curvature.arc_tolerance, color=PATH, ls="--", lw=1.0)
         left.set_title(f"U_k = {config.curvature.arc_tolerance:g} m")
         left.legend(title="planes")

@@ -134,8 +134,8 @@ def log_table(judged: Sequence[LogEvaluation]) -> ResultTable:
     def percent(share: float) -> str:
         return "-" if np.isnan(share) else f"{100 * share:.1f} %"
 
-    def motion(of: tuple[float, float], digits: int = 1) -> str:
-        return "-" if np.isnan(of[0]) else f"{1e3 * of[0]:.{digits}f} mm, {np.degrees(of[1]):.2f} deg"
+    def motion(of: tuple[float, float]) -> str:
+        return "-" if np.isnan(of[0]) else f"{1e3 * of[0]:.1f} mm, {np.degrees(of[1]):.2f} deg"
 
     def reasons(one: LogEvaluation) -> str:
         shares = (f"{outcome.name.lower()} {100 * n / one.n_steps:.1f} %" for outcome, n in one.failures.items())
