@@ -32,6 +32,7 @@ from curvescan.plots.evaluation import draw_overlay, draw_reference_errors, draw
 from curvescan.runs.document import Part, ResultTable, write_markdown
 from curvescan.runs.result import Run
 from curvescan.runs.results import write_json
+from curvescan.types import Pose
 
 _WHICH: dict[Which, str] = {
     "near": "near, under {near:g} s apart",
@@ -74,7 +75,7 @@ def evaluate(
     Raises
     ------
     InvalidArgumentError
-        Unless one of `relations` and `reference` is given, or when nothing of it belongs to the trajectory.
+        Unless one of `relations` and `reference` is given, some of it is of the trajectory, and `laser_pose` is finite.
     LogFileError, LogFormatError, OutputError
         When a file cannot be read, or the results cannot be written.
     """
@@ -82,24 +83,34 @@ def evaluate(
         raise InvalidArgumentError("a trajectory is measured against one thing: give either relations= or reference=")
     require(near >= 0.0, "near must be at least 0 s", near)
     require(tolerance >= 0.0, "tolerance must be at least 0 s", tolerance)
+    mount = _as_mount(laser_pose)
     own = _poses_of(trajectory).trajectory
-    x, y, theta = np.asarray(laser_pose, dtype=np.float64).tolist()
     names = {"trajectory": _name(trajectory), "measured_against": _name(reference if relations is None else relations)}
-    about: dict[str, object] = {**names, "laser_pose_m_m_deg": [x, y, math.degrees(theta)]}
+    about: dict[str, object] = {**names, "laser_pose_m_m_deg": [*mount[:2].tolist(), math.degrees(mount[2])]}
     errors: RelationErrors | ReferenceErrors
     with nullcontext() if out is None else output_folder(out) as folder:
         if relations is not None:
             known = find_benchmark(benchmark, "" if isinstance(relations, Relations) else Path(relations).name)
             given = relations if isinstance(relations, Relations) else read_relations(relations)
-            errors = relation_errors(own, given, laser_pose, near=near, benchmark=known)
+            errors = relation_errors(own, given, mount, near=near, benchmark=known)
             about["near_s"] = near
         else:
             assert reference is not None
-            errors = reference_errors(own, _poses_of(reference), laser_pose, tolerance=tolerance)
+            errors = reference_errors(own, _poses_of(reference), mount, tolerance=tolerance)
             about["tolerance_s"] = tolerance
         if folder is not None:
             _save(folder, about, errors, own)
     return errors
+
+
+def _as_mount(laser_pose: ArrayLike) -> Pose:
+    try:
+        mount = np.asarray(laser_pose, dtype=np.float64)
+    except (TypeError, ValueError):
+        mount = np.empty(0)
+    is_pose = mount.shape == (3,) and bool(np.isfinite(mount).all())
+    require(is_pose, "laser_pose must be three finite numbers x, y, theta (metres, metres, radians)", laser_pose)
+    return mount
 
 
 def _poses_of(source: Run | Trajectory | str | os.PathLike[str]) -> PoseFile:

@@ -135,3 +135,9 @@ def test_a_benchmark_is_one_of_those_known(capsys):
     with pytest.raises(SystemExit, match=r"^2$"):
         run(["evaluate", "T", "--relations", "R", "--benchmark", "x"])
     assert "mit-killian-court" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("laser_pose", [(0.0, 0.0), None, "x", ((0.0,), 0.0), (0.0, 0.0, np.inf)])
+def test_a_pose_of_the_laser_that_is_none_is_refused(folder, laser_pose):
+    with pytest.raises(cs.InvalidArgumentError, match="laser_pose must be three finite numbers x, y, theta"):
+        cs.evaluate(folder / "result", reference=folder / "truth.tum", laser_pose=laser_pose)
