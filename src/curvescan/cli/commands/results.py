@@ -1,4 +1,4 @@
-"""curvescan map and view: saved maps changed, finished runs on a page in the browser."""
+"""curvescan map, view and evaluate: saved maps changed, finished runs on a page in the browser, and measured."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import tyro
 
+import curvescan
 from curvescan.cli.console import ERR, OUT, free_port, open_browser, show, wait, with_flags
 from curvescan.cli.options import BenchmarkName, Flag, LaserPose, OutFolder, in_radians, results_folder
 from curvescan.errors import InvalidArgumentError, OutputError, require
 from curvescan.io.writing import ExportName, RunData, write_exports, write_pcd, write_ply
 
 if TYPE_CHECKING:
-    from typing_extensions import TypeIs
-
     from curvescan.editing.operations import Change
     from curvescan.mapping.occupancy import OccupancyGrid
     from curvescan.slam import SlamMap
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     AnyMap: TypeAlias = SlamMap | OccupancyGrid
 
 Box: TypeAlias = tuple[float, float, float, float]
-MapFile: TypeAlias = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
+OtherMap: TypeAlias = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 _BOX = tyro.conf.arg(metavar="X0 Y0 X1 Y1")
 
 
@@ -34,7 +33,7 @@ _BOX = tyro.conf.arg(metavar="X0 Y0 X1 Y1")
 class ChangeFlags:
     """Changes of a map, in the order in which they are made."""
 
-    merge: MapFile = None
+    merge: OtherMap = None
     """Join another map to the map, by matches without a guess; refused where too few of them agree."""
     turn: float = 0.0
     """Turn the map about the origin, degrees, counter-clockwise."""
@@ -56,7 +55,7 @@ class ChangeFlags:
         if self.merge is not None:
             given = _merged(given, opened(self.merge))
         require(math.isfinite(self.turn), "--turn must be finite degrees", self.turn)
-        editing: Any = operations if _has_keyframes(given) else grid_editing
+        editing: Any = operations if isinstance(given, curvescan.SlamMap) else grid_editing
         if self.turn:
             given = editing.turned(given, math.radians(self.turn))
         if self.level:
@@ -74,7 +73,7 @@ def edit_map(
     *,
     out: OutFolder = None,
     changes: Annotated[ChangeFlags, tyro.conf.arg(name="")] = ChangeFlags(),
-    compare: MapFile = None,
+    compare: OtherMap = None,
     points: tuple[Literal["ply", "pcd"], ...] = (),
     export: tuple[ExportName, ...] = (),
 ) -> int:
@@ -103,7 +102,7 @@ def edit_map(
     inputs = [path for path in (file, changes.merge, compare) if path is not None]
     _check_place(out, inputs)
     edited = changes.changed(opened(file))
-    if export and not _has_keyframes(edited):
+    if export and not isinstance(edited, curvescan.SlamMap):
         raise InvalidArgumentError(
             f"--export writes keyframes, and {edited!r} has none, got --export {' '.join(export)}: give the map.csmap "
             "of `curvescan slam`, or --points for the occupied cells"
@@ -112,9 +111,9 @@ def edit_map(
     with map_folder(out, edited, inputs=inputs) as folder:
         for name in points:
             write = {"ply": write_ply, "pcd": write_pcd}[name]
-            seen = operations.map_points(edited) if _has_keyframes(edited) else edited.occupied_centres
+            seen = operations.map_points(edited) if isinstance(edited, curvescan.SlamMap) else edited.occupied_centres
             write(folder / f"points.{name}", seen)
-        if export and _has_keyframes(edited):
+        if export and isinstance(edited, curvescan.SlamMap):
             trajectory = keyframe_trajectory(edited)
             write_exports(folder, export, RunData(trajectory=trajectory, edges=tuple(edited.edges), scans=edited.scans))
         if found is not None:
@@ -142,15 +141,8 @@ def _check_place(out: Path, inputs: Sequence[Path]) -> None:
             check_kept(picture_of(path), out)
 
 
-def _has_keyframes(given: AnyMap) -> TypeIs[SlamMap]:
-    """Return whether a map is one of SLAM, and not a plain one."""
-    from curvescan.slam import SlamMap
-
-    return isinstance(given, SlamMap)
-
-
 def _grid_of(given: AnyMap) -> OccupancyGrid:
-    return given.occupancy() if _has_keyframes(given) else given
+    return given.occupancy() if isinstance(given, curvescan.SlamMap) else given
 
 
 def _merged(one: AnyMap, other: AnyMap) -> AnyMap:
@@ -158,7 +150,7 @@ def _merged(one: AnyMap, other: AnyMap) -> AnyMap:
     from curvescan.editing.merging import laid_on, merged
     from curvescan.mapping.grid_editing import joined
 
-    if _has_keyframes(one) and _has_keyframes(other):
+    if isinstance(one, curvescan.SlamMap) and isinstance(other, curvescan.SlamMap):
         return merged(one, other)
     grid, other_grid = _grid_of(one), _grid_of(other)
     return joined(grid, laid_on(grid, other_grid))
@@ -170,7 +162,7 @@ def _compared(one: AnyMap, later: AnyMap) -> list[Change]:
     from curvescan.editing.merging import in_one_frame, laid_on
 
     try:
-        if _has_keyframes(one) and _has_keyframes(later):
+        if isinstance(one, curvescan.SlamMap) and isinstance(later, curvescan.SlamMap):
             one, later = in_one_frame(one, later)
         else:
             later = laid_on(_grid_of(one), _grid_of(later))
