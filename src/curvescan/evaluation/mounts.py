@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
+from scipy.optimize import approx_fprime, least_squares
 
 from curvescan import se2
 from curvescan.diagnostics.issues import Issue
@@ -64,7 +64,8 @@ def find_mount(motions_a: ArrayLike, motions_b: ArrayLike) -> UncertainPose:
     # a robust fit's covariance: residual variance of the pieces that the loss trusts, by the information at the optimum
     rest = _misclosure(found.x, a, b)
     variance = (np.median(np.abs(rest)) / _MEDIAN_OF_NORMAL) ** 2 * rest.size / (rest.size - 3)
-    covariance = variance * np.linalg.inv(_jacobian(found.x, a, b))
+    rows = approx_fprime(found.x, _misclosure, 1.5e-8, a, b)
+    covariance = variance * np.linalg.inv(rows.T @ rows)
     return UncertainPose(np.array([*found.x[:2], se2.wrap(found.x[2])]), covariance)
 
 
@@ -182,19 +183,6 @@ def _misclosure(mount: Floats, a: Pose, b: Pose) -> Floats:
     again = se2.compose(mount[np.newaxis], b)
     apart: Floats = (there - again)[:, :2].ravel()
     return apart
-
-
-def _jacobian(mount: Floats, a: Pose, b: Pose) -> Floats:
-    """Return (3, 3) information of a mount in misclosures of unit variance."""
-    n = len(a)
-    c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
-    cm, sm = np.cos(mount[2]), np.sin(mount[2])
-    rows = np.empty((n, 2, 3))
-    rows[:, 0, 0], rows[:, 0, 1], rows[:, 0, 2] = c - 1.0, -s, sm * b[:, 0] + cm * b[:, 1]
-    rows[:, 1, 0], rows[:, 1, 1], rows[:, 1, 2] = s, c - 1.0, -cm * b[:, 0] + sm * b[:, 1]
-    flat = rows.reshape(-1, 3)
-    information: Floats = flat.T @ flat
-    return information
 
 
 def _linear_mount(a: Pose, b: Pose) -> Floats:
