@@ -235,6 +235,12 @@ def test_a_turn_as_a_scan():
     assert scan_of_turn([(0.0, 1.0, 1.0)], 0, 1, is_clockwise=True, limits=(0, 9)) is None
 
 
+@pytest.mark.parametrize("ignored", [(0, 150), (0, 200), (150, 0), (80, 80)])
+def test_a_turn_of_which_all_is_ignored_is_no_scan(ignored):
+    points = [(0.01 * k, 1.0, 1.0) for k in range(150)]
+    assert scan_of_turn(points, 0, 1, is_clockwise=False, limits=(0.1, 9.0), ignore_beams=ignored) is None
+
+
 def n_open_files():
     return len(list(Path("/proc/self/fd").iterdir()))
 

@@ -133,6 +133,12 @@ def test_hokuyo_two_sweeps_late(plugged, drive):
     assert np.diff([scan.stamp for scan in scans]).min() > 0.0
 
 
+def test_hokuyo_ignores_all_beams_where_it_has_no_more(plugged, drive):
+    laser = plugged(Ust10lx, drive[:3], PERIOD)
+    [scan] = taken(open_driver("hokuyo", laser.port, ignore_beams=(0, N_STEPS + 100)), 1)
+    assert not scan.valid.any()
+
+
 def test_hokuyo_unplugged(plugged, drive):
     laser = plugged(Ust10lx, drive, PERIOD)
     threading.Timer(0.5, laser.unplug).start()

@@ -64,7 +64,7 @@ class HokuyoSource:
                 ranges = 1e-3 * np.asarray(distances, dtype=np.float64)
                 ranges[np.asarray(distances) >= _NO_READING] = np.nan
                 ranges[:first] = np.nan
-                ranges[len(ranges) - last :] = np.nan
+                ranges[max(len(ranges) - last, 0) :] = np.nan
                 yield LaserScan(
                     ranges,
                     angle_min=(laser.amin - laser.aforw) * step,

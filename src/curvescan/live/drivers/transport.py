@@ -219,7 +219,7 @@ def scan_of_turn(
     table = np.array(points, dtype=np.float64).reshape(-1, 3)
     angles, order = np.unique(np.mod(table[:, 0], 2.0 * np.pi), return_index=True)
     n = angles.size
-    used = slice(ignore_beams[0], n - ignore_beams[1])
+    used = slice(ignore_beams[0], max(n - ignore_beams[1], 0))
     angles, order = angles[used], order[used]
     if angles.size < 2:
         return None
