@@ -1,7 +1,8 @@
 """ResultsSink: the results folder of a live run, the same as of an offline one."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack
 
@@ -10,9 +11,7 @@ import numpy as np
 from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.diagnostics.verdict import judge
 from curvescan.engines.engine import Engine
-from curvescan.io.files.lines import ReadError
-from curvescan.io.log import ScanAccess
-from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.io.arrays.memory import MemoryLog
 from curvescan.live.pipeline import LiveReport
 from curvescan.live.sinks import MapOptions, MapSink
 from curvescan.live.tracker import TrackedScan
@@ -49,7 +48,7 @@ class ResultsSink(MapSink):
         command: Sequence[str] = (),
     ) -> tuple[str, ...]:
         """Write the results once SLAM is finished and the sink closed; a laser's maps are drawn from the scans kept."""
-        scans = _Passed(name, report.n_scans) if log is None else log.log
+        scans = _Passed(name=name, n_scans=report.n_scans) if log is None else log.log
         record = report.record_of(len(scans))
         maps = self._maps(engine, record.trajectory.poses) if log is None or isinstance(engine, Localizer) else None
         run = Run(
@@ -80,23 +79,16 @@ class ResultsSink(MapSink):
         return build_maps(scans, poses[indices], is_joined, occupancy=self._occupancy)
 
 
-class _Passed(ScanAccess):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class _Passed(MemoryLog):
     """The log of a sensor whose scans have passed: a name and a number."""
 
-    format = "live"
-    odometry: Trajectory | None = None
-    read_errors: tuple[ReadError, ...] = ()
-    tag_counts: Mapping[str, int] = {}
-    notes: tuple[str, ...] = ()
-
-    def __init__(self, name: str, n_scans: int) -> None:
-        self.name, self._n_scans = name, n_scans
+    n_scans: int
+    scans: tuple[LaserScan, ...] = ()
+    format: str = "live"
 
     def __len__(self) -> int:
-        return self._n_scans
-
-    def __iter__(self) -> Iterator[LaserScan]:
-        return iter(())
+        return self.n_scans
 
 
 def _how_it_went(report: LiveReport) -> dict[str, object]:
