@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import tempfile
-import time
 from array import array
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -215,9 +214,8 @@ _N_SCANS = 20
 _SENSOR = replace(SENSORS["spinning-360"], time_increment=1e-4)  # whose sweeps take time
 
 
-def warm_up(new_engine: Callable[[], Engine], method: str = DEFAULT_METHOD) -> float:
-    """Compile every kernel from a scan to a map before a source is opened, so that no scan waits; return seconds."""
-    started = time.perf_counter()
+def warm_up(new_engine: Callable[[], Engine], method: str = DEFAULT_METHOD) -> None:
+    """Compile every kernel from a scan to a map before a source is opened, so that no scan waits."""
     with watch.held():
         curvescan.warm_up(method)
         # what is no kernel takes its time too when it is called first: a short drive with a leap
@@ -227,4 +225,3 @@ def warm_up(new_engine: Callable[[], Engine], method: str = DEFAULT_METHOD) -> f
             picture.add(tracker.add(scan))
         picture.redraw()
         picture_of(picture.grid(), 0)
-    return time.perf_counter() - started

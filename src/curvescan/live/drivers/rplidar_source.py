@@ -12,16 +12,14 @@ _N_BUFFERED = 4096
 
 
 class RplidarSource(SpinningSource):
-    """An RPLIDAR A1, A2 or A3 on a serial port."""
+    """An RPLIDAR A1 or A2 on a serial port."""
 
     n_cut = 2
 
-    def __init__(
-        self, port: str, *, baud: int = BAUD, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)
-    ) -> None:
+    def __init__(self, port: str, *, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)) -> None:
         self._package = package_of("rplidar", "the driver rplidar is the package rplidar-roboticia")
         self._laser: Any = None
-        super().__init__("RPLIDAR", port, baud, is_clockwise=not is_mirrored, ignore_beams=ignore_beams)
+        super().__init__("RPLIDAR", port, BAUD, is_clockwise=not is_mirrored, ignore_beams=ignore_beams)
 
     def start(self, transport: Transport) -> None:
         """Start the laser."""
