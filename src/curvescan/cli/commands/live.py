@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +15,7 @@ import tyro
 
 import curvescan
 from curvescan.cli.console import ERR, OUT, free_port, open_browser, propose_commands, wait, with_flags
-from curvescan.cli.options import Flag, LogFlags, LogUse, MethodName, Preparation
+from curvescan.cli.options import Flag, LogFlags, LogUse, MethodName, Preparation, Reading
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import check_is_other, output_folder
 from curvescan.io.log import HeldLog
@@ -68,12 +68,24 @@ class SourceFlags:
         if self.driver is not None:
             if self.port is None:
                 raise InvalidArgumentError(f"--driver {self.driver} needs --port: where the laser is")
-            is_mirrored, ignored = use.reading.upside_down != use.reading.clockwise, use.reading.ignore_beams
-            source = open_driver(self.driver, self.port, is_mirrored=is_mirrored, ignore_beams=ignored)
+            _check_used(use, ("upside_down", "clockwise", "ignore_beams", "as_is"), "a laser at a port")
+            setup = use.reading.setup()
+            is_mirrored = bool(setup.upside_down) != setup.clockwise
+            source = open_driver(self.driver, self.port, is_mirrored=is_mirrored, ignore_beams=setup.ignore_beams)
             return source if use.preparation.as_is else MendedSource(source, ERR.print)
         if log is not None:
             return LogSource(use.reading.open(log), speed=self.speed)
+        _check_used(use, (), "the simulated robot")
         return SimulatedSource(n_scans=self.scans, n_people=self.people, seed=self.seed, speed=self.speed)
+
+
+def _check_used(use: LogFlags, used: Collection[str], source: str) -> None:
+    """Raise InvalidArgumentError where flags are given that a source has no use for."""
+    usual = {**vars(Reading()), **vars(Preparation())}
+    given = {**vars(use.reading), **vars(use.preparation)}
+    if unused := [name for name, value in given.items() if value != usual[name] and name not in used]:
+        flags = ", ".join(f"--{name.replace('_', '-')}" for name in unused)
+        raise InvalidArgumentError(f"{source} has no use for {flags}: give that with a LOG, or leave it out")
 
 
 @dataclass(frozen=True, kw_only=True)
