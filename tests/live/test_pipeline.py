@@ -283,6 +283,36 @@ def test_what_came_after_revised_poses_stays_on_the_map(log):
     assert moved[-1] == pytest.approx([0.0, 0.0], abs=1e-9)
 
 
+def gone_astray(log, index):
+    """The first scans of a log as they are tracked, of one of them far beyond any map."""
+    tracker = Tracker(Odometry())
+    tracked = [tracker.add(scan) for scan in itertools.islice(log, 8)]
+    far = replace(tracked[index].step, pose=np.array([1e7, 1e7, 0.0]))
+    return [*tracked[:index], replace(tracked[index], step=far), *tracked[index + 1 :]]
+
+
+def test_a_map_that_has_become_too_large_is_told_on_the_page(log):
+    viewer = Viewer("laser", is_lossless=True)
+    viewer.set_status("running", "running")
+    for tracked in gone_astray(log, 5):
+        viewer.put(tracked)
+    viewer.close()
+    kind, text = viewer._status.values()
+    assert kind == "running"
+    assert text.startswith("The map grows no more: an occupancy map may take 1 GiB")
+
+
+def test_a_map_that_was_too_large_comes_back_with_revised_poses(log):
+    live_map, tracked = LiveMap(is_revisable=True), gone_astray(log, 5)
+    for item in tracked:
+        live_map.add(item)
+    assert live_map.why_no_grid
+    live_map.revise(np.array([item.step.pose if k != 5 else tracked[4].step.pose for k, item in enumerate(tracked)]))
+    live_map.redraw()
+    assert not live_map.why_no_grid
+    assert live_map.grid().occupied_centres.size
+
+
 def test_wheels_that_say_no_place_leave_the_page_alone(log):
     viewer = Viewer("laser")
     tracker = Tracker(Odometry())

@@ -66,7 +66,7 @@ class LiveMap:
         self._redraws = Pace(1.0, 0.2)
         self.path_version = 0
         self.version = 0
-        self.why_no_grid = ""
+        self.why_no_grid = ""  # why no more scans enter it, a sentence; else empty
 
     def add(self, tracked: TrackedScan) -> None:
         """Take in a tracked scan."""
@@ -151,7 +151,7 @@ class LiveMap:
         if poses is None or not len(poses):
             return
         with self._redraws:
-            self._builder = OccupancyBuilder(self._config)
+            self._builder, self.why_no_grid = OccupancyBuilder(self._config), ""  # it may be small enough by now
             n, kept, self._kept = len(poses), self._in_order(), {}
             for index, scan, before in kept:
                 pose = poses[index] if index < n else before

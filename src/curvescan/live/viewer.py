@@ -191,12 +191,15 @@ class Viewer(MapSink):
         if self._replay is not None:
             self._earlier = self._earlier[:: 1 + (len(self._earlier) >= _MAX_EARLIER)]
             self._earlier.append((tracked.index, json.dumps(event).encode()))
+        before = self._map.why_no_grid
         with self._telling():
             self._map.add(tracked)
             self._add_wheels(tracked)
             self._closures += tracked.closures
             self._n_closures += len(tracked.closures)
             self._scan_event, self._times = event, tuple(self._recent)
+        if (why := self._map.why_no_grid) != before:
+            self.set_status("running", f"The map grows no more: {why}." if why else "running")
         if self._pictures.is_due:
             self._draw()
 

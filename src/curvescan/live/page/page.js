@@ -35,7 +35,7 @@ function showStatus(s) {
   state.isOver = s.kind === "ended" || s.kind === "error";
   if (state.isOver) showDock(false);
   if (s.kind === "loading") chip("outcome", "waiting", s.text);
-  showMessage(s.kind === "running" || s.kind === "loading" ? "" : s.text);
+  showMessage(s.kind === "loading" || s.text === "running" ? "" : s.text);
 }
 
 function loadMap(map) {
