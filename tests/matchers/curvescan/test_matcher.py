@@ -100,7 +100,7 @@ def test_a_right_guess_is_used_and_a_wrong_one_loses():
     guided = cs.match(ref, cur, guess=MOTION + 0.02)
     assert guided.trace.candidates.n_tried == 1
     np.testing.assert_allclose(guided.pose, plain.pose, atol=2e-4)
-    around = cs.match(ref, cur, guess=MOTION + [0.02, 0.02, 0.02 + 2.0 * math.pi])
+    around = cs.match(ref, cur, guess=np.add(MOTION, [0.02, 0.02, 0.02 + 2.0 * math.pi]))
     assert -math.pi < around.trace.candidates.poses[0, 2] <= math.pi  # an angle as any other
     np.testing.assert_allclose(around.pose, guided.pose, atol=1e-9)
     rng = np.random.default_rng(0)
