@@ -102,9 +102,9 @@ def _search(graph: PoseGraph, closures: list[Closure], fragments: list[int] | No
     profiles = SimpleNamespace(array=np.full((n, 2, N_SECTORS), 5.0))
     keyframes = SimpleNamespace(numbers=100 + np.arange(n), profiles=profiles)
     rows = [SimpleNamespace(number=100 + k) for k in range(n)]
-    growing = SimpleNamespace(graph=graph, fragments=fragments or [0] * n, close=lambda closure: None)
+    growing = SimpleNamespace(config=CONFIG, graph=graph, fragments=fragments or [0] * n, close=lambda closure: None)
     growing.keyframes = type("Rows", (), {"__getitem__": lambda _, k: rows[k], **vars(keyframes)})()
-    search = LoopSearch(growing, CONFIG)  # type: ignore[arg-type]
+    search = LoopSearch(growing)  # type: ignore[arg-type]
     search.closures = {(100 + c.i, 100 + c.j): replace(c, i=100 + c.i, j=100 + c.j) for c in closures}
     return search
 

@@ -54,7 +54,7 @@ def drifted() -> GrowingMap:
 )
 def test_beside_a_closure_that_waits_others_are_tried(drifted, waiting, is_followed):
     k = drifted.graph.n_poses - 1
-    search = LoopSearch(drifted, drifted.config)
+    search = LoopSearch(drifted)
     search._pool = [waiting]
     search.enqueue(k)
     tried = [c for c in search._queue if c.i < N_LAP - 4]
@@ -66,12 +66,12 @@ def test_beside_a_closure_that_waits_others_are_tried(drifted, waiting, is_follo
 @pytest.mark.parametrize("off", [0.0, 30.0])
 def test_nothing_is_tried_where_the_graph_looks_anyway(off):
     growing = driven(off)
-    search = LoopSearch(growing, growing.config)
+    search = LoopSearch(growing)
     assert bool(search._beside(WAITS, growing.graph.n_poses - 1)) is (off > 0.0)
 
 
 def test_others_are_matched_where_the_one_that_waits_says_and_gain_nothing_by_it(drifted):
-    search, poses, k = LoopSearch(drifted, drifted.config), drifted.graph.poses, drifted.graph.n_poses - 1
+    search, poses, k = LoopSearch(drifted), drifted.graph.poses, drifted.graph.n_poses - 1
     found = search._beside(WAITS, k)
     here = se2.compose(poses[WAITS.i], se2.between(poses[WAITS.j], poses[k]))
     assert found

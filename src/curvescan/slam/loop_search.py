@@ -57,11 +57,10 @@ Beside: TypeAlias = Callable[..., Callable[[], Any]]
 class LoopSearch:
     """The search for loop closures in a map that grows."""
 
-    def __init__(self, growing: GrowingMap, config: SlamConfig) -> None:
-        self.config = config
+    def __init__(self, growing: GrowingMap) -> None:
+        self._map, self.config = growing, growing.config
         self.closures: dict[tuple[int, int], Closure] = {}  # the last match of each two keyframes, by their numbers
         self.is_urgent = False  # whether a loop closed that the graph did not expect: to be optimized at once
-        self._map = growing
         self._queue: deque[Candidate] = deque()
         self._pool: list[Closure] = []  # by row: those that wait, and those accepted, which speak against others
 

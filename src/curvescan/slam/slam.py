@@ -74,7 +74,7 @@ class Slam:
         self.odometry = Odometry(method, matcher=matcher, config=self.config.odometry)
         self.keyframes = Keyframes(self.odometry.matcher)
         self._map = GrowingMap(self.keyframes, self.config)
-        self._search = LoopSearch(self._map, self.config)
+        self._search = LoopSearch(self._map)
         if map is not None:
             self._map.load(as_map(map))
         self._records = Records()
