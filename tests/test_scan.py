@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from curvescan import InvalidArgumentError, LaserScan, UnitWarning
-from curvescan.scan import valid_readings
+from curvescan.scan import mirrored, swept_backwards, valid_readings
 
 
 def make(ranges, **kwargs):
@@ -176,6 +176,7 @@ def test_directions_go_one_way_and_round_once():
         ({"range_max": math.nan}, "range_max=nan"),
         ({"stamp": math.inf}, "stamp must be finite"),
         ({"intensities": [1.0]}, r"one value a beam \(2\), got 1"),
+        ({"angles": [0.0, 0.1], "angle_min": "a"}, "angle_min must be a number, got 'a'"),
     ],
 )
 def test_broken_rules_are_named_with_the_value(change, message):
@@ -198,6 +199,22 @@ def test_angles_in_degrees_are_refused_with_the_remedy(angle_min, increment):
         LaserScan(np.ones(361), angle_min=angle_min, angle_increment=increment)
     with pytest.raises(InvalidArgumentError, match=r"numpy\.radians"):
         LaserScan(np.ones(361), angles=np.arange(-90.0, 90.5, 0.5))
+
+
+@pytest.mark.parametrize("angles", [[100.0, 100.1], [100.0], [12.5, 12.6], [-12.0, -12.3, -12.7]])
+def test_angles_in_degrees_are_refused_one_by_one_and_in_either_order_too(angles):
+    for way in (1, -1):
+        with pytest.raises(InvalidArgumentError, match=r"must be radians.*numpy\.radians"):
+            told(angles[::way])
+    with pytest.raises(InvalidArgumentError, match=r"must be radians.*numpy\.radians"):
+        make(np.ones(20), angle_min=12.5)  # its last beam is farther
+
+
+@pytest.mark.parametrize("angles", [[0.0, 3.3, 6.6, 9.9, 9.91, 9.92], [6.0, 12.5], np.arange(60) * 0.1 + 6.0])
+def test_a_scan_that_is_taken_is_taken_mirrored_and_backwards_too(angles):
+    scan = told(angles)
+    for other in (replace(scan, stamp=1.0), mirrored(mirrored(scan)), swept_backwards(swept_backwards(scan))):
+        np.testing.assert_allclose(other.angles, scan.angles, atol=1e-12)
 
 
 @pytest.mark.parametrize("range_max", [8.0, 8000.0, np.inf])

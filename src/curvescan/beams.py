@@ -42,12 +42,6 @@ def even_beams(n: int, angle_min: float, angle_increment: float) -> Beams:
         raise InvalidArgumentError(
             "angle_increment must not be 0: give the angle from a beam to the next, negative for a clockwise sensor"
         )
-    span = abs(angle_increment) * max(n - 1, 0)
-    if max(span, abs(angle_min)) > _MOST_TURNS * 2.0 * math.pi and math.isfinite(span):
-        raise InvalidArgumentError(
-            f"angles must be radians: {n} beams from angle_min={angle_min:g} in steps of {angle_increment:g} go round "
-            f"{span / (2.0 * math.pi):.1f} times; if they are degrees, convert them with numpy.radians"
-        )
     if not math.isfinite(angle_min + angle_increment * n):
         raise InvalidArgumentError(f"the angles of {n} beams must be finite, got angle_increment={angle_increment}")
     angles = angle_min + angle_increment * np.arange(n, dtype=np.float64)
@@ -84,6 +78,18 @@ def beams_at(angles: Floats) -> Beams:
     return Beams(
         angles=angles, angle_min=float(angles[0]), angle_increment=mean if is_uniform else median, is_uniform=is_uniform
     )
+
+
+def require_radians(beams: Beams) -> None:
+    """Raise InvalidArgumentError where beams point in directions that can only be degrees, whichever came first."""
+    first, n = beams.angle_min, beams.angles.size
+    last = float(beams.angles[-1]) if n else first
+    span = abs(last - first)
+    if max(span, abs(first), abs(last)) > _MOST_TURNS * 2.0 * math.pi:
+        raise InvalidArgumentError(
+            f"angles must be radians: {n} beams from angle_min={first:g} in steps of {beams.angle_increment:g} go round "
+            f"{span / (2.0 * math.pi):.1f} times; if they are degrees, convert them with numpy.radians"
+        )
 
 
 def _is_one_way(steps: Floats) -> bool:

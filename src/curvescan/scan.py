@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from curvescan.beams import Beams, beams_at, even_beams
+from curvescan.beams import Beams, beams_at, even_beams, require_radians
 from curvescan.errors import InvalidArgumentError, UnitWarning
 from curvescan.types import Bools, Floats, Ints, Points, Pose
 
@@ -92,6 +92,7 @@ class LaserScan:
                     f"{name} must be finite and >= 0 seconds, got {getattr(self, name)}: 0 says that it is not known"
                 )
         beams = self._beams_given()
+        require_radians(beams)
         for name in ("angle_min", "angle_increment", "angles"):
             object.__setattr__(self, name, getattr(beams, name))
         object.__setattr__(self, "_beams", beams)
@@ -134,9 +135,7 @@ class LaserScan:
                 raise InvalidArgumentError(
                     "the directions of the beams are missing: give angle_min and angle_increment, or angles"
                 )
-            return even_beams(
-                n, _as_float(self.angle_min, "angle_min"), _as_float(self.angle_increment, "angle_increment")
-            )
+            return self._even_beams()
         angles = _read_only_row(self.angles, "angles")
         if angles.size != n:
             raise InvalidArgumentError(f"angles must have one value a beam ({n}), got {angles.size}")
@@ -144,7 +143,7 @@ class LaserScan:
             return beams_at(angles)
         # dataclasses.replace hands all fields on: the same directions said twice are no contradiction
         if self.angle_min is not None and self.angle_increment is not None:
-            even = even_beams(n, float(self.angle_min), float(self.angle_increment))
+            even = self._even_beams()
             if np.array_equal(even.angles, angles):
                 return even
             given = beams_at(angles)
@@ -153,6 +152,10 @@ class LaserScan:
         raise InvalidArgumentError(
             "angles and angle_min, angle_increment contradict each other: give angles alone, or the other two"
         )
+
+    def _even_beams(self) -> Beams:
+        angle_min, step = _as_float(self.angle_min, "angle_min"), _as_float(self.angle_increment, "angle_increment")
+        return even_beams(len(self), angle_min, step)
 
     def __len__(self) -> int:
         return int(self.ranges.size)

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.beams import even_beams
+from curvescan.beams import even_beams, require_radians
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.lines import BrokenRecordError, ReadError, ReadErrorCounter, printable, read_lines
 from curvescan.io.log import NO_POSE, PoseRow
@@ -124,7 +124,7 @@ def _parse_configured(line: bytes, *, tag: str, n_pose_fields: int) -> ScanRecor
     tail = _finite_numbers(fields[end : end + n_pose_fields + 1], tag)
     step = _angle_increment(resolution, fov, n, tag)
     try:
-        even_beams(n, start_angle, step)
+        require_radians(even_beams(n, start_angle, step))
     except InvalidArgumentError as error:
         raise BrokenRecordError(f"{tag} line: {error}") from None
     return ScanRecord(
