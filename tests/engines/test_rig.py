@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import sqlite3
+
 import numpy as np
 import pytest
 
@@ -12,7 +15,7 @@ from curvescan.cli.options import Reading
 from curvescan.errors import InvalidArgumentError
 from curvescan.runs.batch.jobs import digest_of
 from curvescan.simulation.buildings.catalogue import build_world
-from tests.bags import scan, transform, write_bag
+from tests.bags import SECOND, scan, storage, transform, write_bag
 
 MOUNTS = {"front": (0.35, 0.25, np.pi / 4), "rear": (-0.35, -0.25, -3 * np.pi / 4)}
 
@@ -150,6 +153,29 @@ def test_a_bag_whose_transforms_do_not_lead_to_a_laser_is_refused(tmp_path):
     with pytest.raises(InvalidArgumentError, match="do not to /rear: find the mounts"):
         cs.Rig.of_bag(bag)
     assert len(cs.Rig({f"/{name}": mount for name, mount in MOUNTS.items()}).read(bag)) == 2
+
+
+def test_a_laser_whose_first_scan_is_broken_has_its_mount_by_the_next(tmp_path):
+    mount = transform(1, "base_link", "laser", (0.5, 0.0, 0.0), topic="/tf_static")
+    path = write_bag(tmp_path / "bag", "sqlite3", [mount, *(scan(k * SECOND) for k in range(1, 6))])
+    with sqlite3.connect(storage(path)) as database:
+        database.execute("update messages set data = 'junk' where timestamp = ?", (SECOND,))
+    database.close()
+    assert len(cs.read_log(path)) == 4
+    assert cs.Rig.of_bag(path).mounts["/scan"].tolist() == [0.5, 0.0, 0.0]
+
+
+def test_a_laser_that_the_statistics_of_a_bag_promise_and_that_is_not_there_is_told(tmp_path):
+    mounts = [transform(1, "base_link", laser, tuple(pose), topic="/tf_static") for laser, pose in MOUNTS.items()]
+    scans = [scan(k * SECOND, topic=f"/{laser}", frame=laser) for k, laser in enumerate(MOUNTS, 1)]
+    path = write_bag(tmp_path / "bag", "mcap", [*mounts, *scans])
+    file = storage(path)
+    # the message of the third channel, a record of kind 5, becomes one of the second
+    changed, n = re.subn(rb"(?s)(\x05.\0{7})\x03\0", b"\\1\x02\0", file.read_bytes())
+    assert n == 1
+    file.write_bytes(changed)
+    with pytest.raises(InvalidArgumentError, match="do not to /rear: find the mounts"):
+        cs.Rig.of_bag(path)
 
 
 @pytest.mark.parametrize(

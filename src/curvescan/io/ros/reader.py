@@ -26,7 +26,7 @@ from curvescan.io.log import ScanAccess
 from curvescan.io.ros.bags.bag import Bag, Message
 from curvescan.io.ros.messages import LASER_SCAN, has_bad_times, scan_of, short_name, shown, stamp_of
 from curvescan.io.ros.odometry import BagOdometry, read_gyro, read_odometry
-from curvescan.io.ros.transforms import laser_tilt, tilt_notes
+from curvescan.io.ros.transforms import N_FIRST_SCANS, laser_tilt, tilt_notes
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
@@ -35,7 +35,6 @@ BROKEN_BAG = "bag damaged from here on: what stands before is read"
 CUT_BAG = "bag cut short: its end is missing, what stands before is read"
 _LATEST = (1 << 63) - 1  # nanoseconds; an MCAP file can claim twice as many
 _MAX_LISTED = 12
-_N_FIRST = 8
 
 
 @dataclass(frozen=True)
@@ -188,7 +187,7 @@ class RosbagLog(ScanAccess):
     def _look_at_first(self) -> bool:
         """Learn the scans' frame, and that they are stamped unless several are at 0; return whether one can be read."""
         stamps, is_sound = [], False
-        for message in islice(self._bag.messages([self.topic]), _N_FIRST):
+        for message in islice(self._bag.messages([self.topic]), N_FIRST_SCANS):
             try:
                 decoded = self._bag.decode(message)
                 stamps.append(stamp_of(decoded.header))

@@ -27,7 +27,7 @@ _SAME = 1e-4  # largest difference of two transforms taken for equal: metres, an
 class FrameTree:
     """The first transform of each pair of frames, and whether it ever changed."""
 
-    # dict of Edge to Transform: all numbers finite, none beyond FARTHEST
+    # all numbers finite, none beyond FARTHEST
     transforms: dict[Edge, Transform] = field(default_factory=dict)
     moving: set[Edge] = field(default_factory=set)  # those that changed
 
@@ -134,6 +134,8 @@ def _is_same(first: Transform, second: Transform) -> bool:
 
 _N_FIRST = 1000  # messages of a topic of transforms that are read first: robots repeat their mounts many times a second
 
+N_FIRST_SCANS = 8  # of a laser that are asked for its frame: some may be broken
+
 _LEVEL = ("base_link", "base_footprint", "odom", "map")
 """Frames whose z axis points up (REP-105), the nearest to the laser first."""
 
@@ -144,12 +146,18 @@ def laser_mounts(path: Path) -> dict[str, Pose | None]:
     """Return each laser's pose on the robot's base, from above, by topic; None where it is unknown."""
     bag = Bag(path)
     lasers = [name for name, topic in bag.topics.items() if topic.msgtype == LASER_SCAN and topic.count]
-    firsts = [bag.decode(next(iter(bag.messages([topic])))) for topic in lasers]
-    poses = _poses(bag, [frame_name(first.header.frame_id) for first in firsts], _LEVEL[:2])[1]
+    poses = _poses(bag, [_frame_of(bag, topic) for topic in lasers], _LEVEL[:2])[1]
     return {
         topic: None if pose is None else np.array([pose[0, 3], pose[1, 3], math.atan2(pose[1, 0], pose[0, 0])])
         for topic, pose in zip(lasers, poses, strict=True)
     }
+
+
+def _frame_of(bag: Bag, topic: str) -> str:
+    """Return the frame of a laser by the first of its scans that names one; empty where none can be read."""
+    frames: list[str] = []
+    bag.each([topic], lambda _, decoded: frames.append(frame_name(decoded.header.frame_id)), N_FIRST_SCANS)
+    return next(filter(None, frames), "")
 
 
 def laser_tilt(bag: Bag, frame: str) -> float:
