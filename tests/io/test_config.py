@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from curvescan import InvalidArgumentError, LogFileError
+from curvescan import InvalidArgumentError, LogFileError, OutputError
 from curvescan.io import read_config, write_config
 from curvescan.matchers import MATCHERS, find_matcher
 from curvescan.matchers.cfsma.config import CfSmaConfig, CurvatureConfig, LandmarksConfig
@@ -63,3 +63,13 @@ def test_faults_are_named(tmp_path, text, message):
 def test_a_missing_file_is_told(tmp_path):
     with pytest.raises(LogFileError, match="nowhere"):
         read_config(tmp_path / "nowhere.toml", DEFAULTS)
+
+
+def test_a_place_that_cannot_be_written_and_a_path_that_is_none_are_told(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="is a file"):
+        write_config(tmp_path / "file" / "config.toml", DEFAULTS)
+    with pytest.raises(InvalidArgumentError, match="what is to be written must be given as a path, got int"):
+        write_config(5, DEFAULTS)
+    with pytest.raises(InvalidArgumentError, match="a configuration must be given as a path, got int"):
+        read_config(5, DEFAULTS)

@@ -3,13 +3,12 @@
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
-from pathlib import Path
 from typing import Any
 
-from curvescan.configs import changed, check_names
+from curvescan.configs import as_plain, changed, check_names
 from curvescan.errors import InvalidArgumentError, LogFileError
-from curvescan.io.files.lines import printable
+from curvescan.io.files.lines import as_path, printable
+from curvescan.io.files.output import output_file
 
 _MAX_CHARS = 1 << 15  # all parameters of all methods take 5,000; the parser's time grows with the square of the depth
 
@@ -23,11 +22,17 @@ def write_config(path: str | os.PathLike[str], configs: Mapping[str, object]) ->
         The file, replaced if it exists.
     configs : mapping of str to dataclass
         Table name, a method's say, to its configuration; nested dataclasses become sub-tables.
+
+    Raises
+    ------
+    OutputError
+        When the file cannot be written.
     """
     import tomli_w
 
-    tables = {name: _as_table(config) for name, config in configs.items()}
-    Path(path).write_text(tomli_w.dumps(tables), encoding="utf-8", newline="\n")
+    tables = {name: as_plain(config) for name, config in configs.items()}
+    with output_file(path) as new:
+        new.write_text(tomli_w.dumps(tables), encoding="utf-8", newline="\n")
 
 
 def read_config(path: str | os.PathLike[str], defaults: Mapping[str, object]) -> dict[str, Any]:
@@ -52,8 +57,9 @@ def read_config(path: str | os.PathLike[str], defaults: Mapping[str, object]) ->
     InvalidArgumentError
         When it is no TOML, or holds an unknown key (the message names the nearest known one) or a value out of range.
     """
+    file_path = as_path(path, "a configuration")
     try:
-        with Path(path).open(encoding="utf-8") as file:
+        with file_path.open(encoding="utf-8") as file:
             text = file.read(_MAX_CHARS + 1)
         if len(text) > _MAX_CHARS:
             raise ValueError(f"it is longer than {_MAX_CHARS:,} characters")
@@ -65,11 +71,3 @@ def read_config(path: str | os.PathLike[str], defaults: Mapping[str, object]) ->
         raise InvalidArgumentError(f"{path} is not a TOML file: {reason}") from error
     check_names(tables, defaults, str(path))
     return {name: changed(default, tables.get(name, {}), f"{path}: [{name}]") for name, default in defaults.items()}
-
-
-def _as_table(config: object) -> dict[str, object]:
-    """Return a configuration as a table, nested ones as its sub-tables, which TOML has last."""
-    assert is_dataclass(config)
-    values = {field.name: getattr(config, field.name) for field in fields(config)}
-    table = {name: value for name, value in values.items() if not is_dataclass(value)}
-    return table | {name: _as_table(v) for name, v in values.items() if is_dataclass(v)}
