@@ -34,6 +34,13 @@ def test_csv_and_tum_are_told_by_content(tmp_path, header):
         assert found.is_of_sensor == (name == "ours")
 
 
+@pytest.mark.parametrize("call", [read_poses, cs.read_tum, cs.read_csv, Trajectory.read, TRAJECTORY.write])
+def test_a_path_that_is_none_is_told(call):
+    for given in (None, 5):
+        with pytest.raises(cs.InvalidArgumentError, match="a trajectory must be given as a path, got"):
+            call(given)
+
+
 def test_a_folder_stands_for_its_trajectory(tmp_path):
     write_csv(tmp_path / "trajectory.csv", TRAJECTORY, ["matched"] * 3)
     assert len(read_poses(tmp_path).trajectory) == 3

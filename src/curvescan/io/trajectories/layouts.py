@@ -13,13 +13,13 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple, TextIO, TypeAlias, get_args
+from typing import TYPE_CHECKING, Literal, NamedTuple, TextIO, TypeAlias
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io.files.lines import is_packed, printable, read_head
+from curvescan.io.files.lines import as_path, is_packed, printable, read_head
 from curvescan.io.files.output import output_file
 from curvescan.types import Cov, Floats, Pose
 
@@ -154,22 +154,23 @@ def write_poses(
     format: TrajectoryFormat | None = None,  # noqa: A002 - what it is
 ) -> None:
     """Write poses; see :meth:`curvescan.Trajectory.write`."""
-    ending = Path(path).suffix.lower()
-    kind = format or _ENDINGS.get(ending)
+    file = as_path(path, "a trajectory")
+    kind = format or _ENDINGS.get(file.suffix.lower())
     if kind is None:
         raise InvalidArgumentError(
-            f"no format of trajectories has the ending {ending!r} of {Path(path).name}: end the name with "
+            f"no format of trajectories has the ending {file.suffix.lower()!r} of {file.name}: end the name with "
             f"{', '.join(_ENDINGS)}, or give format="
         )
-    if kind == "csv":
-        write_csv(path, trajectory, [""] * len(trajectory.stamps))
-    elif kind in _WRITERS:
-        _WRITERS[kind](path, trajectory)
-    else:
-        raise InvalidArgumentError(f"format must be one of {', '.join(get_args(TrajectoryFormat))}, got {kind!r}")
+    if kind not in _WRITERS:
+        raise InvalidArgumentError(f"format must be one of {', '.join(_WRITERS)}, got {kind!r}")
+    _WRITERS[kind](path, trajectory)
 
 
-_WRITERS = {"tum": write_tum, "kitti": write_kitti}
+_WRITERS: dict[str, Callable[[str | os.PathLike[str], Trajectory], None]] = {
+    "tum": write_tum,
+    "csv": lambda path, trajectory: write_csv(path, trajectory, [""] * len(trajectory.stamps)),
+    "kitti": write_kitti,
+}
 
 
 def _parse_tum(row: list[float], where: str) -> tuple[float, float, float, float]:
@@ -311,7 +312,7 @@ def read_rows(path: str | os.PathLike[str]) -> PoseRows:
 
 def results_file(path: str | os.PathLike[str]) -> Path:
     """Return the trajectory in a folder of results; any other path as it is."""
-    file = Path(path)
+    file = as_path(path, "a trajectory")
     return file / "trajectory.csv" if (file / "trajectory.csv").exists() else file
 
 
@@ -351,8 +352,9 @@ def writing_text(path: str | os.PathLike[str]) -> Iterator[TextIO]:
 @contextmanager
 def _reading_text(path: str | os.PathLike[str]) -> Iterator[TextIO]:
     """Yield a text file to read; raise LogFileError or LogFormatError where it cannot be read."""
+    text = as_path(path, "a trajectory")
     try:
-        with Path(path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        with text.open(encoding="utf-8-sig", errors="replace", newline="") as file:
             yield file
     except (LogFileError, LogFormatError):
         raise
