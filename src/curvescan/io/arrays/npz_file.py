@@ -5,12 +5,9 @@ unpickled.
 """
 
 import math
-import shutil
 import struct
-import tempfile
 import tokenize
 import warnings
-import weakref
 import zipfile
 import zlib
 from collections.abc import Collection, Iterator
@@ -24,7 +21,7 @@ from numpy.lib import format as npy
 from numpy.typing import DTypeLike, NDArray
 
 from curvescan.errors import LogFileError, LogFormatError
-from curvescan.io.files.lines import is_packed, printable, unpack, unpacked_limit
+from curvescan.io.files.lines import is_packed, printable, temporary_folder, unpack, unpacked_limit
 from curvescan.types import Floats
 
 _BLOCK_BYTES = 1 << 20
@@ -179,10 +176,9 @@ class NpzFile:
     def _unpacked(self, path: Path) -> Path:
         if not is_packed(path):
             return path
-        folder = Path(tempfile.mkdtemp(prefix="curvescan-"))
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        unpack(path, folder / "npz")  # what is missing of its end, the archive's reader finds
-        return folder / "npz"
+        unpacked = temporary_folder(self) / "npz"
+        unpack(path, unpacked)  # what is missing of its end, the archive's reader finds
+        return unpacked
 
     @contextmanager
     def _opened(self) -> Iterator[zipfile.ZipFile]:

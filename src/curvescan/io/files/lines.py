@@ -10,7 +10,10 @@ import io
 import math
 import os
 import re
+import shutil
 import stat
+import tempfile
+import weakref
 import zlib
 from codecs import BOM_UTF8
 from collections.abc import Iterator
@@ -231,6 +234,13 @@ def unpack(path: Path, target: Path) -> bool:
             f"{full if error.errno == errno.ENOSPC else ''}"
         ) from error
     return True
+
+
+def temporary_folder(owner: object) -> Path:
+    """Return a new folder for what is unpacked, which goes when its owner does."""
+    folder = Path(tempfile.mkdtemp(prefix="curvescan-"))
+    weakref.finalize(owner, shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def is_packed(path: Path) -> bool:

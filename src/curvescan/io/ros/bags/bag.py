@@ -4,10 +4,7 @@ On damaged files its parsers raise their own errors and nearly every builtin one
 """
 
 import errno
-import shutil
 import sqlite3
-import tempfile
-import weakref
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -29,6 +26,7 @@ from curvescan.io.files.lines import (
     BrokenRecordError,
     is_packed,
     printable,
+    temporary_folder,
     unpack,
 )
 from curvescan.io.ros.bags.bag_files import BagKind, bag_kind, recorded_counts, storage_files
@@ -149,7 +147,7 @@ class Bag:
     def _unpacked(self, file: Path) -> Path:
         if not is_packed(file):
             return file
-        folder = self._temporary_folder()
+        folder = temporary_folder(self)
         self.is_whole &= unpack(file, folder / "bag")
         return folder / "bag"
 
@@ -159,7 +157,7 @@ class Bag:
             with self._opened(file) as reader:
                 connections = list(reader.connections)
         except LogFormatError as error:
-            rest = self._temporary_folder() / "rest"
+            rest = temporary_folder(self) / "rest"
             try:
                 salvage(file, self.kind, rest)
                 self._n_given[rest] = self._n_given[file]
@@ -178,7 +176,7 @@ class Bag:
     def _with_its_journal(self, file: Path) -> Path:
         what = "the database was not closed: what stands in its -wal or -journal file"
         try:
-            copy = with_its_journal(file, self._temporary_folder())
+            copy = with_its_journal(file, temporary_folder(self))
         except (OSError, sqlite3.Error) as error:
             reason = getattr(error, "strerror", None) or str(error)
             self._journal_notes = [f"{what} is not read ({printable(reason, 100)})"]
@@ -186,11 +184,6 @@ class Bag:
         self._journal_notes = [f"{what} is read as well, from a copy"]
         self._n_given[copy] = max(copy.stat().st_size, self._n_given[file])
         return copy
-
-    def _temporary_folder(self) -> Path:
-        folder = Path(tempfile.mkdtemp(prefix="curvescan-"))
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        return folder
 
     @contextmanager
     def _opened(self, file: Path) -> "Iterator[_Reader]":

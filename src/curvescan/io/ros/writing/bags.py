@@ -5,8 +5,6 @@ stands in docs/formats.md.
 """
 
 import os
-import shutil
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,7 +18,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 
 from curvescan.errors import OutputError
-from curvescan.io.files.output import output_file
+from curvescan.io.files.output import hidden_folder, output_file
 from curvescan.io.log import Log, scans_with_poses
 from curvescan.io.ros.bags.bag_files import BagKind
 from curvescan.io.ros.messages import LASER_SCAN, ODOMETRY, TRANSFORMS
@@ -52,12 +50,9 @@ def bag_in_folder(path: Path) -> Iterator[Path]:
 @contextmanager
 def mcap_in_file(path: Path) -> Iterator[Path]:
     """Yield where to write an MCAP bag of which the one file is to lie at `path`, which needs no metadata.yaml."""
-    folder = Path(tempfile.mkdtemp(prefix=".curvescan-", dir=path.parent))
-    try:
+    with hidden_folder(path.parent) as folder:
         yield folder / "scans"
         (folder / "scans" / "scans.mcap").replace(path)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 class BagWriter:
