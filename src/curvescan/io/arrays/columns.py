@@ -30,12 +30,10 @@ def make_scan(
     value: Mapping[str, float], ranges: Floats, angles: Floats | None, intensities: Floats | None
 ) -> LaserScan:
     """Return the scan of the numbers of COLUMNS and its (n,) ranges; angles replace angle_min and angle_increment."""
-    given = ("angle_min", "angle_increment") if angles is None else ()
-    fields: dict[str, Any] = {name: value[name] for name in ("stamp", *given, *OPTIONAL)}
+    even = ("angle_min", "angle_increment") if angles is None else ()
+    fields: dict[str, Any] = {name: value[name] for name in ("stamp", *even, *OPTIONAL)}
     try:
-        if angles is None:
-            return LaserScan(ranges, intensities=intensities, **fields)
-        return LaserScan(ranges, angles=angles, intensities=intensities, **fields)
+        return LaserScan(ranges, intensities=intensities, **fields | {"angles": angles})
     except InvalidArgumentError as error:
         raise BrokenRecordError(str(error)) from None
 

@@ -257,10 +257,10 @@ class Series:
 class Index:
     """What one pass over a CARMEN log found."""
 
-    # dict of bytes to Series: by message name, in the order of SWEEP_PARSERS; only names with a sound sweep
+    # by message name, in the order of SCAN_PARSERS; only names with a sound sweep
     series: dict[bytes, Series]
     max_range: float | None  # range limit of the last PARAM line that gives one, metres
-    # dict of str to int: lines by message name, sound or not, in order of appearance; ``"#"`` are comments
+    # lines by message name, sound or not, in order of appearance; ``"#"`` are comments
     tag_counts: dict[str, int]
     read_errors: tuple[ReadError, ...]  # most frequent first
 
