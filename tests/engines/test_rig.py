@@ -183,11 +183,15 @@ def test_a_laser_that_the_statistics_of_a_bag_promise_and_that_is_not_there_is_t
     [
         (lambda: cs.Rig({}), "at least one laser"),
         (lambda: cs.Rig({"a": (0.0, 1.0)}), "the mount of 'a' must be three finite numbers"),
+        (lambda: cs.Rig({"a": ("x", 0, 0)}), "the mount of 'a' must be three finite numbers"),
+        (lambda: cs.Rig(MOUNTS, body_radius="wide"), "body_radius must be a number, got 'wide'"),
         (lambda: cs.Rig(MOUNTS, body_radius=-1.0), "body_radius must be >= 0"),
         (lambda: cs.Rig(MOUNTS).join({}), "got none"),
         (lambda: cs.Rig(MOUNTS).join({"left": arc}), "must be of front, rear, got left"),
         (lambda: cs.Rig(MOUNTS).join({"front": arc}, (0.0, 1.0)), "velocity must be three finite numbers"),
         (lambda: next(cs.Rig(MOUNTS).together({"left": []})), "must be of front, rear, got left"),
+        (lambda: cs.Rig(MOUNTS).together({"left": []}), "must be of front, rear, got left"),
+        (lambda: cs.Rig(MOUNTS).track({"left": []}, cs.Odometry()), "must be of front, rear, got left"),
     ],
 )
 def test_bad_arguments_are_told(call, sentence):

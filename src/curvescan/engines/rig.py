@@ -22,7 +22,7 @@ from curvescan import se2
 from curvescan.configs import counted
 from curvescan.deskew import deskew, middle_of_sweep
 from curvescan.engines.engine import Engine
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import InvalidArgumentError, require
 from curvescan.io import read_log
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.io.files.lines import as_path
@@ -32,7 +32,7 @@ from curvescan.io.ros.transforms import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import Step
-from curvescan.scan import LaserScan
+from curvescan.scan import LaserScan, as_float
 from curvescan.types import Floats, Points, Pose
 
 _HIDDEN = 0.1
@@ -72,17 +72,19 @@ class Rig:
     def __post_init__(self) -> None:
         mounts = {}
         for name, mount in dict(self.mounts).items():
-            pose = np.array(mount, dtype=np.float64)
-            if pose.shape != (3,) or not np.isfinite(pose).all():
-                raise InvalidArgumentError(
-                    f"the mount of {name!r} must be three finite numbers x, y, theta, got {mount!r}"
-                )
+            rule = f"the mount of {name!r} must be three finite numbers x, y, theta"
+            try:
+                pose = np.array(mount, dtype=np.float64)
+            except (TypeError, ValueError):
+                raise InvalidArgumentError(f"{rule}, got {mount!r}") from None
+            require(pose.shape == (3,) and bool(np.isfinite(pose).all()), rule, mount)
             pose.setflags(write=False)
             mounts[name] = pose
         if not mounts:
             raise InvalidArgumentError("mounts must name at least one laser, got none")
-        if not self.body_radius >= 0.0:
-            raise InvalidArgumentError(f"body_radius must be >= 0 metres, got {self.body_radius}")
+        radius = as_float(self.body_radius, "body_radius")
+        require(radius >= 0.0, "body_radius must be >= 0 metres", radius)
+        object.__setattr__(self, "body_radius", radius)
         object.__setattr__(self, "mounts", mounts)
 
     def __repr__(self) -> str:
@@ -148,13 +150,7 @@ class Rig:
             When a name is not of this rig.
         """
         self._check_names(logs, "logs")
-        groups = RigJoiner(len(logs))
-        streams = [zip(itertools.repeat(name), log, strict=False) for name, log in logs.items()]
-        for name, scan in heapq.merge(*streams, key=lambda item: item[1].stamp):
-            if (group := groups.collect(name, scan)) is not None:
-                yield group
-        if groups.begun:
-            yield groups.begun
+        return _groups(logs)
 
     def _check_names(self, given: Mapping[str, Any], what: str) -> None:
         unknown = sorted(set(given) - set(self.mounts))
@@ -178,6 +174,7 @@ class Rig:
         InvalidArgumentError
             When a name is not of this rig.
         """
+        self._check_names(logs, "logs")
         return (step for _, step in self._joined(logs, engine))
 
     def _joined(self, logs: Mapping[str, Iterable[LaserScan]], engine: Engine) -> Iterator[tuple[LaserScan, Step]]:
@@ -243,6 +240,16 @@ class Rig:
             format=laser.format,
             notes=(f"of {counted(len(logs), 'laser')}, joined at the robot's base: {', '.join(logs)}",),
         )
+
+
+def _groups(logs: Mapping[str, Iterable[LaserScan]]) -> Iterator[dict[str, LaserScan]]:
+    groups = RigJoiner(len(logs))
+    streams = [zip(itertools.repeat(name), log, strict=False) for name, log in logs.items()]
+    for name, scan in heapq.merge(*streams, key=lambda item: item[1].stamp):
+        if (group := groups.collect(name, scan)) is not None:
+            yield group
+    if groups.begun:
+        yield groups.begun
 
 
 class RigJoiner:
