@@ -96,6 +96,8 @@ def test_what_is_unknown_or_cannot_be_written_is_refused(tmp_path):
         cs.warm_up("slam")
     with pytest.raises(cs.InvalidArgumentError, match="processor must be one of generic, native, got 'pentium'"):
         cs.warm_up(cache=tmp_path, processor="pentium")
+    with pytest.raises(cs.InvalidArgumentError, match="processor must be one of generic, native, got 'pentium'"):
+        cs.warm_up(processor="pentium")
     (tmp_path / "file").write_text("")
     with pytest.raises(cs.OutputError, match="cannot be written"):
         cs.warm_up(cache=tmp_path / "file" / "kernels")

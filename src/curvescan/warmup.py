@@ -74,6 +74,8 @@ def warm_up(
     """
     started = time.perf_counter()
     find_matcher(method, None)
+    if processor not in get_args(Processor):
+        raise InvalidArgumentError(f"processor must be one of {', '.join(get_args(Processor))}, got {processor!r}")
     if cache is not None:
         _compile_into(Path(cache).absolute(), f"compile_all({method!r}, {slam})", processor)
         return time.perf_counter() - started
@@ -101,8 +103,6 @@ def compile_all(method: str, slam: bool) -> None:
 
 def _compile_into(folder: Path, call: str, processor: str) -> None:
     """Have another process keep its machine code in a folder: where it goes is settled when kernels are imported."""
-    if processor not in get_args(Processor):
-        raise InvalidArgumentError(f"processor must be one of {', '.join(get_args(Processor))}, got {processor!r}")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
