@@ -244,5 +244,18 @@ def test_a_value_out_of_range_is_told(name, value, rule):
 def test_a_pose_of_two_numbers_is_told():
     with pytest.raises(InvalidArgumentError, match=r"pose must be three numbers \[x, y, theta\], got \(0, 0\)"):
         OccupancyBuilder().add(LaserScan([1.0], angle_min=0.0, angle_increment=0.1), (0, 0))
+    with pytest.raises(InvalidArgumentError, match=r"pose must be three numbers \[x, y, theta\], got array"):
+        OccupancyBuilder().add(LaserScan([1.0], angle_min=0.0, angle_increment=0.1), np.zeros((3, 1)))
     with pytest.raises(InvalidArgumentError, match="scan must be a LaserScan, got list"):
         OccupancyBuilder().add([1.0], (0.0, 0.0, 0.0))
+
+
+def test_readings_that_are_no_hits_may_be_named_by_a_list():
+    scan, grids = LaserScan([1.0, 2.0], angle_min=0.0, angle_increment=0.1), []
+    for ignored in ([True, False], np.array([True, False])):
+        builder = OccupancyBuilder()
+        builder.add(scan, (0.0, 0.0, 0.0), ignored)
+        grids.append(builder.grid().log_odds)
+    np.testing.assert_array_equal(*grids)
+    with pytest.raises(InvalidArgumentError, match=r"one value a beam \(2\), got shape \(1,\)"):
+        OccupancyBuilder().add(scan, (0.0, 0.0, 0.0), [True])

@@ -126,7 +126,7 @@ class OccupancyBuilder:
     def __repr__(self) -> str:
         return f"OccupancyBuilder({counted(self._n_scans, 'scan')} in cells of {self.config.resolution:g} m)"
 
-    def add(self, scan: LaserScan, pose: ArrayLike, ignored: Bools | None = None) -> None:
+    def add(self, scan: LaserScan, pose: ArrayLike, ignored: ArrayLike | None = None) -> None:
         """Enter a scan.
 
         A valid reading marks a hit where it ends and clears the cells before it. A beam without a return (+inf) clears
@@ -138,7 +138,7 @@ class OccupancyBuilder:
             Any scan.
         pose : (3,) array_like
             [x, y, theta] of the sensor in the frame of the map; a scan whose pose is not finite is left out.
-        ignored : (n_beams,) bool or None
+        ignored : (n_beams,) array_like of bool or None
             Readings that are no hits, on people say; they clear what lies before them all the same.
 
         Raises
@@ -150,10 +150,16 @@ class OccupancyBuilder:
         """
         if not isinstance(scan, LaserScan):
             raise InvalidArgumentError(f"scan must be a LaserScan, got {type(scan).__name__}")
-        if ignored is not None and ignored.shape != scan.ranges.shape:
-            raise InvalidArgumentError(f"ignored must have one value a beam ({len(scan)}), got shape {ignored.shape}")
+        is_hit = scan.valid
+        if ignored is not None:
+            is_ignored = np.asarray(ignored, dtype=np.bool_)
+            if is_ignored.shape != scan.ranges.shape:
+                raise InvalidArgumentError(
+                    f"ignored must have one value a beam ({len(scan)}), got shape {is_ignored.shape}"
+                )
+            is_hit = is_hit & ~is_ignored
         try:
-            x, y, theta = np.asarray(pose, dtype=np.float64).tolist()
+            x, y, theta = map(float, np.asarray(pose, dtype=np.float64).tolist())
         except (TypeError, ValueError):
             raise InvalidArgumentError(f"pose must be three numbers [x, y, theta], got {pose!r:.80}") from None
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
@@ -162,7 +168,6 @@ class OccupancyBuilder:
         is_fully_observed = (scan.ranges == math.inf) & sees_free
         used = np.flatnonzero(scan.valid | is_fully_observed)
         reach = np.where(scan.valid, scan.ranges, scan.range_max)[used]
-        is_hit = (scan.valid if ignored is None else scan.valid & ~ignored)[used]
         resolution = self.config.resolution
         # a place beyond all numbers is refused below for its size
         with np.errstate(over="ignore", invalid="ignore"):
@@ -176,7 +181,7 @@ class OccupancyBuilder:
             np.minimum(self._marks, 1, out=self._marks)
         self._n_scans += 1
         places = start - self._corner, ends - self._corner
-        mark_scan(self._log_odds, self._marks, mark, *places, is_hit, is_fully_observed[used], self._steps)
+        mark_scan(self._log_odds, self._marks, mark, *places, is_hit[used], is_fully_observed[used], self._steps)
 
     def make_room(self, points: Points) -> None:
         """Make room about (n, 2) points at once, metres: while a grid grows, the old cells stand beside the new."""
