@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from curvescan.diagnostics.inspect import LogReport, inspect_log, summarise_time
 from curvescan.diagnostics.issues import find_issues, report_as_plain
 from curvescan.diagnostics.statistics import LogStatistics
+from curvescan.errors import InvalidArgumentError
 from curvescan.io import Log, ReadError, read_log
 from curvescan.io.log import ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -491,3 +492,12 @@ def test_a_sensor_that_stands_has_no_robot_in_sight(real_data: Path) -> None:
     for name in ("demo_stationary_simple_environment", "positive_1"):
         report = inspect_log(read_log(real_data / f"leg-tracker-people/{name}.bag.gz"))
         assert not [f for f in find_issues(report) if f.topic == "beams"]
+
+
+def test_scans_and_the_path_of_a_log_are_inspected_as_a_log_is(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.clf", flaser([1.0, 2.0]), flaser([1.0, 2.5]))
+    log = read_log(path)
+    assert str(inspect_log(path)) == str(inspect_log(str(path))) == str(inspect_log(log))
+    assert inspect_log([*log]).n_scans == 2
+    with pytest.raises(InvalidArgumentError, match="a log must be a Log, an iterable of LaserScan"):
+        inspect_log([1, 2])  # type: ignore[list-item]

@@ -1,7 +1,8 @@
 """inspect_log: what is in a log and what is wrong with it, found in one pass over its scans, and one over its turns."""
 
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,12 @@ from curvescan.diagnostics.rotation_direction import RotationDirection, odometry
 from curvescan.diagnostics.sensor import BeamOrder, SensorJudgement, judge_sensor
 from curvescan.diagnostics.statistics import EmptyBeams, FixedBeams, LogStatistics
 from curvescan.diagnostics.top_of_range import Ring, is_of_walls
+from curvescan.io.arrays.memory import as_log
 from curvescan.io.files.lines import ReadError
 from curvescan.io.log import Log, ScanAccess
+from curvescan.io.reading import read_log
 from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
 
@@ -133,13 +137,17 @@ _MISSING = 1.6  # steps from which on a sweep is missing, in medians
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a file may hold stamps and poses of 1e308
-def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
+def inspect_log(
+    log: Log | Iterable[LaserScan] | str | os.PathLike[str], sensor: SensorJudgement | None = None
+) -> LogReport:
     """Return what a log holds and what is wrong with it.
 
     Reads the scans once, and once more where the robot's turns are measured or readings look like codes.
     :func:`find_issues` says in sentences what the figures mean. log: any source of scans, a simulated one too, it may
-    be empty; sensor: what its scans say of the sensor, where that was judged before.
+    be empty; or the path of a file; sensor: what its scans say of the sensor, where that was judged before. Raises
+    InvalidArgumentError, LogFileError and LogFormatError where the log is none.
     """
+    log = read_log(log) if isinstance(log, str | os.PathLike) else as_log(log)
     statistics = LogStatistics()
     for scan in log:
         statistics.add(scan)
