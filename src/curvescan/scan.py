@@ -83,7 +83,7 @@ class LaserScan:
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", _read_only_row(self.ranges, "ranges"))
         for name in ("range_min", "range_max", "stamp", "time_increment", "scan_time"):
-            object.__setattr__(self, name, _as_float(getattr(self, name), name))
+            object.__setattr__(self, name, as_float(getattr(self, name), name))
         if not math.isfinite(self.stamp):
             raise InvalidArgumentError(f"stamp must be finite, got {self.stamp}")
         for name in ("time_increment", "scan_time"):
@@ -154,7 +154,7 @@ class LaserScan:
         )
 
     def _even_beams(self) -> Beams:
-        angle_min, step = _as_float(self.angle_min, "angle_min"), _as_float(self.angle_increment, "angle_increment")
+        angle_min, step = as_float(self.angle_min, "angle_min"), as_float(self.angle_increment, "angle_increment")
         return even_beams(len(self), angle_min, step)
 
     def __len__(self) -> int:
@@ -301,7 +301,8 @@ def as_odometry_pose(given: ArrayLike, name: str) -> Pose:
     return pose
 
 
-def _as_float(value: object, name: str) -> float:
+def as_float(value: object, name: str) -> float:
+    """Return a number. Raises InvalidArgumentError."""
     try:
         return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:

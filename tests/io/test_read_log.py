@@ -112,6 +112,8 @@ def test_range_max_must_be_positive(tmp_path: Path, range_max: float) -> None:
     path = write(tmp_path / "a", flaser())
     with pytest.raises(InvalidArgumentError, match="range_max must be a positive number"):
         read_log(path, range_max=range_max)
+    with pytest.raises(InvalidArgumentError, match="range_max must be a number, got 'a'"):
+        read_log(path, range_max="a")  # type: ignore[arg-type]
 
 
 # ---- files that cannot be opened

@@ -180,6 +180,9 @@ def test_a_simulated_log_may_be_set_up_too():
         ({"ignore_beams": (0.5, 1)}, "two whole numbers"),
         ({"laser_pose": (0.0, math.nan, 0.0)}, "three finite numbers"),
         ({"laser_pose": (0.0, 0.0)}, "three finite numbers"),
+        ({"ignore_beams": 5}, "two whole numbers >= 0.*got 5"),
+        ({"laser_pose": 5}, "three finite numbers.*got 5"),
+        ({"laser_pose": ("a", 0.0, 0.0)}, "three finite numbers"),
     ],
 )
 def test_wrong_set_ups_are_named(setup, message):

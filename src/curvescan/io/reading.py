@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
+from curvescan.errors import LogFileError, LogFormatError, require
 from curvescan.io.arrays.coreslam import N_COLUMNS
 from curvescan.io.arrays.csv_file import header_names, is_content
 from curvescan.io.files.lines import as_path, read_head
@@ -17,6 +17,7 @@ from curvescan.io.ros.bags.bag_files import BagKind, storage_files
 from curvescan.io.sensor_setup import SensorSetup, apply_setup
 from curvescan.io.trajectories.layouts import first_line, is_our_csv, results_file
 from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.scan import as_float
 
 HEAD_BYTES = 1 << 16  # how many unpacked bytes a sniff gets: room for the long PARAM preamble of a CARMEN log
 
@@ -178,8 +179,9 @@ def read_log(
 
 def open_log(path: str | os.PathLike[str], *, range_max: float | None, topic: str | None, setup: SensorSetup) -> Log:
     """Return the log in a file; see :func:`curvescan.read_log`."""
-    if range_max is not None and not range_max > 0.0:  # also refuses NaN
-        raise InvalidArgumentError(f"range_max must be a positive number of metres, got {range_max}")
+    if range_max is not None:
+        range_max = as_float(range_max, "range_max")
+        require(range_max > 0.0, "range_max must be a positive number of metres", range_max)  # also refuses NaN
     file = as_path(path, "a log")
     if "://" in os.fspath(path):
         raise LogFileError(

@@ -1,7 +1,7 @@
 """What a user knows of a laser better than its log: a record, and the view of a log that applies it."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,15 +26,23 @@ class SensorSetup:
 
     def __post_init__(self) -> None:
         beams = self.ignore_beams
-        if len(beams) != 2 or not all(isinstance(n, int) and n >= 0 for n in beams):
+        is_pair = isinstance(beams, Sequence) and len(beams) == 2
+        if not is_pair or not all(isinstance(n, int) and n >= 0 for n in beams):
             raise InvalidArgumentError(
                 f"ignore_beams must be two whole numbers >= 0, of beams at the sweep's beginning and end, got {beams}"
             )
-        pose = self.laser_pose
-        if pose is not None and (len(pose) != 3 or not all(map(math.isfinite, pose))):
+        if self.laser_pose is not None and not _is_pose(self.laser_pose):
             raise InvalidArgumentError(
-                f"laser_pose must be three finite numbers x, y, theta (metres, metres, radians), got {pose}"
+                "laser_pose must be three finite numbers x, y, theta (metres, metres, radians), "
+                f"got {self.laser_pose!r:.80}"
             )
+
+
+def _is_pose(given: Sequence[float]) -> bool:
+    try:
+        return len(given) == 3 and all(map(math.isfinite, given))
+    except TypeError:
+        return False
 
 
 def apply_setup(log: Log, setup: SensorSetup) -> Log:

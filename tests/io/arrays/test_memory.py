@@ -41,6 +41,10 @@ def test_odometry_is_a_pose_a_scan() -> None:
     np.testing.assert_allclose(log.odometry.poses[0], [0, 0, 4 - 2 * np.pi])
     with pytest.raises(InvalidArgumentError, match=r"shape \(2, 3\), a pose a scan, got \(1, 3\)"):
         cs.log_from_arrays(pairs, odometry=[[0, 0, 0]], **GRID)
+    with pytest.raises(InvalidArgumentError, match=r"shape \(2, 3\), a pose a scan: could not convert"):
+        cs.log_from_arrays(pairs, odometry="abc", **GRID)
+    with pytest.raises(InvalidArgumentError, match="finite or NaN where it is unknown, got inf"):
+        cs.log_from_arrays(pairs, odometry=[[np.inf, 0, 0], [0, 0, 0]], **GRID)
 
 
 def test_the_odometry_takes_it() -> None:

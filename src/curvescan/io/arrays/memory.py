@@ -1,5 +1,6 @@
 """Logs of scans that are in memory already: from a driver, a simulator, another library's reader."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypedDict, Unpack
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.configs import check_names
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import InvalidArgumentError, require
 from curvescan.io.files.lines import ReadError
 from curvescan.io.log import Log, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -25,7 +26,6 @@ class MemoryLog(ScanAccess):
     # name, format: for titles and messages
     name: str = "arrays"
     format: str = "scans in memory"
-    # read_errors, tag_counts, notes: empty: there is no file that could be broken
     read_errors: tuple[ReadError, ...] = ()
     tag_counts: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -42,7 +42,8 @@ class MemoryLog(ScanAccess):
 
 def as_log(scans: Log | Iterable[LaserScan]) -> Log:
     """Return a log, or scans as one, with the odometry they have. Raises InvalidArgumentError where they are none."""
-    if isinstance(scans, Log):
+    # in this order: to tell a Log, Python 3.11 gets each of its properties, and a bag reads all its scans for them
+    if isinstance(scans, ScanAccess | Log):
         return scans
     found = tuple(scans) if isinstance(scans, Iterable) else (scans,)
     wrong = next((scan for scan in found if not isinstance(scan, LaserScan)), None)
@@ -119,8 +120,12 @@ def log_from_arrays(
 def _trajectory(scans: Sequence[LaserScan], odometry: ArrayLike | None) -> Trajectory | None:
     if odometry is None:
         return None
-    poses = np.array(odometry, dtype=np.float64)
-    if poses.shape != (len(scans), 3):
-        raise InvalidArgumentError(f"odometry must be of shape ({len(scans)}, 3), a pose a scan, got {poses.shape}")
+    rule = f"odometry must be of shape ({len(scans)}, 3), a pose a scan"
+    try:
+        poses = np.array(odometry, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidArgumentError(f"{rule}: {error}") from None
+    require(poses.shape == (len(scans), 3), rule, poses.shape)
+    require(not np.isinf(poses).any(), "odometry must be finite or NaN where it is unknown", math.inf)
     poses[:, 2] = se2.wrap(poses[:, 2])
     return Trajectory(stamps=np.array([scan.stamp for scan in scans]), poses=poses)
