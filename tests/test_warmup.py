@@ -15,6 +15,7 @@ import pytest
 
 import curvescan as cs
 from curvescan import _compilation
+from tests.test_kernel_cache import N_COMPILED
 
 # a process of its own: what other tests have loaded would hide what the warm-up leaves out
 BEGIN = """
@@ -109,12 +110,12 @@ def test_a_cache_for_any_processor_serves_a_package_that_lies_elsewhere(tmp_path
     site = tmp_path / "site"
     shutil.copytree(Path(cs.__file__).parent, site / "curvescan", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.move(tmp_path / "kernels", site / "curvescan" / "_kernels")
-    code = """
+    code = f"""
 sim = simulate("office", n_scans=6)
 results = [cs.match(sim[0], sim[5], method="cfsma").pose.tolist()]
 odometry = cs.Odometry("cfsma")
 results += [odometry.add(scan).pose.tolist() for scan in sim]
-print(_jit.n_compiled(), results)
+print({N_COMPILED}, results)
 """
     env = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")}
     env |= {"PYTHONPATH": str(site), "XDG_CACHE_HOME": str(tmp_path / "user")}

@@ -10,7 +10,6 @@ from typing import Any, ParamSpec, TypeVar
 
 import numba
 from numba.core import event
-from numba.core.registry import CPUDispatcher
 
 from curvescan._compilation import watch
 from curvescan._kernel_cache import KernelCache
@@ -37,14 +36,6 @@ def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
     calls it.
     """
     return _compiled(function, inline="always")
-
-
-def n_compiled() -> int:
-    """Return how many kernel variants this process had to compile because no cached code was found.
-
-    Always 0 with NUMBA_DISABLE_JIT=1.
-    """
-    return sum(sum(k.stats.cache_misses.values()) for k in _kernels if isinstance(k, CPUDispatcher))
 
 
 def _compiled(function: Callable[_P, _R], **flags: str) -> Callable[_P, _R]:
