@@ -25,11 +25,6 @@ def odometry_of(engine: Engine) -> Odometry:
     return engine if isinstance(engine, Odometry) else engine.odometry
 
 
-def is_deskewed(engine: Engine) -> bool:
-    """Return whether an engine deskews sweeps by the times of their beams, as a map of them must then do too."""
-    return odometry_of(engine).config.deskew
-
-
 class PlacedScan(NamedTuple):
     """A scan, its step, and the seconds that took."""
 

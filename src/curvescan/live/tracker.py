@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from curvescan.deskew import middle_of_sweep
-from curvescan.engines.engine import Engine, is_deskewed, pose_at
+from curvescan.engines.engine import Engine, odometry_of, pose_at
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Step
 from curvescan.scan import LaserScan
@@ -72,7 +72,7 @@ class Tracker:
         self._odometry_poses = odometry_poses
         self.has_prior = odometry_poses is not None  # whether the wheels of a replayed log are used
         self._n_scans = 0
-        self._is_deskewed = is_deskewed(engine)
+        self._is_deskewed = odometry_of(engine).config.deskew
         self._scan_of_keyframe: dict[int, int] = {}
         self._is_revised, self._revisions = False, Pace(1.0, 0.05)
 

@@ -19,7 +19,7 @@ import numpy as np
 from curvescan import se2
 from curvescan._version import __version__
 from curvescan.configs import as_plain, counted
-from curvescan.engines.engine import is_deskewed, odometry_of
+from curvescan.engines.engine import odometry_of
 from curvescan.engines.odometry_process import OdometryProcess
 from curvescan.errors import OutputError
 from curvescan.io.ros.bags.bag_files import storage_files
@@ -107,7 +107,7 @@ def maps_of_run(run: Run, *, cell: float | None) -> RunMaps:
     record, engine = run.record, run.engine
     if isinstance(engine, Localizer):
         return RunMaps(standing=engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
-    seen = deskewed_along(run.scans, record.trajectory) if is_deskewed(engine) else run.scans
+    seen = deskewed_along(run.scans, record.trajectory) if odometry_of(engine).config.deskew else run.scans
     if not isinstance(engine, Slam):
         return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=run.occupancy)
     keyframes = [*engine.keyframes]
