@@ -22,7 +22,7 @@ def test_the_conda_recipe_needs_what_the_package_needs():
     text = (ROOT / "recipe" / "meta.yaml").read_text("utf-8")
     text = re.sub(r"\{%.*?%\}", "", text)
     recipe = yaml.safe_load(text.replace("{{ version }}", "0.1.0").replace("{{ PYTHON }}", "python"))
-    names = {"docstring-parser": "docstring_parser", "matplotlib": "matplotlib-base"}
+    names = {"docstring-parser": "docstring_parser", "matplotlib": "matplotlib-base", "ruamel-yaml": "ruamel.yaml"}
     wanted = {"python " + PROJECT["requires-python"]}
     for requirement in PROJECT["dependencies"]:
         name, bounds = re.fullmatch(r"([\w-]+)(.*)", requirement).groups()

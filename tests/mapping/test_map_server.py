@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import math
+import re
 import time
 
 import numpy as np
@@ -14,7 +15,7 @@ from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError,
 from curvescan.io.files.output import output_folder
 from curvescan.mapping import map_server
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.mapping.map_server import map_pixels, read_map, write_map, write_map_files
+from curvescan.mapping.map_server import map_pixels, picture_of, read_map, write_map, write_map_files
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.plots.map import draw_occupancy
 
@@ -212,6 +213,12 @@ def test_a_picture_of_16_bits_is_scaled(tmp_path):
         ((b"negate: 0", b"negate: maybe"), "negate must be 0 or 1, got 'maybe'"),
         ((b"image", b"#" * (1 << 16) + b"\nimage"), "it is longer than 64 KiB"),
         ((b"resolution", b"solution"), "it has no resolution"),
+        ((b"map.pgm", b"[map.pgm]"), "image must be one value"),
+        ((b"map.pgm", b"'map.pgm"), "while scanning a quoted scalar"),
+        ((b"image: ", b"- image: "), "while parsing a block collection|it is no table"),
+        ((b"mode: trinary", b"mode: {trinary: 1}"), "mode must be one value"),
+        ((b"mode: ", b"a: " + 200 * b"[" + b"\nmode: "), "it has more than 100 lists"),
+        ((b"mode: ", b"a:\n  " + 9000 * b"- " + b"\nmode: "), "recursion depth"),
     ],
 )
 def test_a_map_that_cannot_be_read_is_refused(tmp_path, change, message):
@@ -234,6 +241,10 @@ def test_a_map_that_cannot_be_read_is_refused(tmp_path, change, message):
         (b"[1, 2, 0.0]", b"\n  - 1\n  # y\n\n  - 2\n  - 0.0"),
         (b"0.196\n", b"0.196\n...\n"),
         (b"map.pgm", b"'map.pgm'  # it's here"),
+        (b"map.pgm", b'"m\\x61p.pgm"'),
+        (b"map.pgm", b"\t>-\n  map.pgm"),
+        (b"0.65\nfree_thresh: 0.196", b"&a 0.65\nother: *a\nagain: &a 1\nfree_thresh: 0.196\t# sure"),
+        (b"negate: 0", b"negate: 0\nnegate: 1"),
     ],
 )
 def test_a_map_is_written_in_many_ways_of_yaml(tmp_path, change):
@@ -246,6 +257,26 @@ def test_a_map_is_written_in_many_ways_of_yaml(tmp_path, change):
     grid = read_map(path)
     np.testing.assert_array_equal(np.sign(grid.log_odds), log_odds)
     assert grid.origin.tolist() == [1.0, 2.0]
+
+
+def test_a_quote_within_the_name_of_a_picture_is_written_twice(tmp_path, grid):
+    write_map(tmp_path, grid)
+    (tmp_path / "map.pgm").rename(tmp_path / "it's.pgm")
+    path = tmp_path / "map.yaml"
+    path.write_text(path.read_text().replace("map.pgm", "'it''s.pgm'"))
+    np.testing.assert_array_equal(read_map(path).is_occupied, grid.is_occupied)
+    assert picture_of(path).name == "it's.pgm"
+
+
+def test_aliases_that_multiply_take_no_memory(tmp_path, grid):
+    write_map(tmp_path, grid)
+    path, lists = tmp_path / "map.yaml", ["a0: &a0 [x]"]
+    lists += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 30)]
+    for name in ("origin", "image", "free_thresh"):
+        changed = re.sub(f"(?m)^{name}: .*", f"{name}: *a29", path.read_text())
+        (tmp_path / "bomb.yaml").write_text("\n".join(lists) + "\n" + changed)
+        with pytest.raises(LogFormatError, match=f"{name} must be one value"):
+            read_map(tmp_path / "bomb.yaml")
 
 
 @pytest.mark.parametrize("value", ["1", "yes", "True", "ON", "'true'"])

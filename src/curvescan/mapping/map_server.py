@@ -9,10 +9,12 @@ places come back as free. Hence 0.196 here.
 import json
 import os
 import re
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +29,7 @@ from curvescan.mapping.occupancy import OccupancyGrid
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254
 
 _MAX_YAML, _MAX_HEADER = 1 << 16, 1 << 12  # characters of a YAML file, bytes of a PGM's header
-_COMMENT = re.compile(r"""(?<!\S)(?:("(?:[^"\\\n]|\\.)*"|'[^'\n]*')|#.*)""")  # the group: a text, which may hold #
+_MAX_LISTS = 100  # in a YAML file: the time that the parser takes grows with the square of their depth
 _PGM = re.compile(rb"(?:\s|#[^\n]*\n)+".join((rb"P5", rb"(\d{1,9})", rb"(\d{1,9})", rb"255\s")))
 _BOOLS = dict.fromkeys(("0", "n", "no", "false", "off"), False) | dict.fromkeys(("1", "y", "yes", "true", "on"), True)
 
@@ -100,20 +102,21 @@ def write_map_files(folder: Path, grid: OccupancyGrid, name: str = "map") -> Non
 
 def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
     """Return a map of map_server: what its thresholds call occupied and free, as sure as a grid can be."""
-    path = Path(path)
+    path = as_path(path, "a map")
     with _reading(path):
         fields = _fields(path)
         x, y, yaw = _numbers("origin", fields["origin"], 3)
-        pixels = _pixels(path.parent / fields["image"])
-        if fields.get("mode", "trinary") not in ("trinary", "scale"):
-            raise ValueError(f"mode must be trinary or scale, got {fields['mode']}: save it anew")
-        is_light = _BOOLS.get(fields.get("negate", "0").lower())
+        pixels = _pixels(path.parent / _text("image", fields["image"]))
+        mode, negate = (_text(name, fields.get(name, usual)) for name, usual in (("mode", "trinary"), ("negate", "0")))
+        if mode not in ("trinary", "scale"):
+            raise ValueError(f"mode must be trinary or scale, got {mode}: save it anew")
+        is_light = _BOOLS.get(negate.lower())
         if is_light is None:
-            raise ValueError(f"negate must be 0 or 1, got {fields['negate']!r:.80}")
+            raise ValueError(f"negate must be 0 or 1, got {negate!r:.80}")
         share = (pixels if is_light else 255.0 - pixels) / 255.0
         is_occupied = share > _numbers("occupied_thresh", fields.get("occupied_thresh", "0.65"))[0]
         is_free = share < _numbers("free_thresh", fields.get("free_thresh", "0.196"))[0]
-        config = OccupancyConfig(resolution=float(fields["resolution"]))
+        config = OccupancyConfig(resolution=_numbers("resolution", fields["resolution"])[0])
     surest = np.log([config.highest / (1.0 - config.highest), config.lowest / (1.0 - config.lowest)])
     log_odds = np.where(is_occupied, surest[0], np.where(is_free, surest[1], 0.0)).astype(np.float32)
     log_odds = np.ascontiguousarray(log_odds[::-1])
@@ -125,7 +128,7 @@ def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
 def picture_of(path: Path) -> Path:
     """Return the picture that the YAML file of a map names."""
     with _reading(path):
-        return path.parent / _fields(path)["image"]
+        return path.parent / _text("image", _fields(path)["image"])
 
 
 @contextmanager
@@ -141,28 +144,41 @@ def _reading(path: Path) -> Iterator[None]:
         raise LogFormatError(f"{path} is no map of map_server that can be read: {error}") from error
 
 
-def _fields(path: Path) -> dict[str, str]:
-    """Return the values of a YAML file by their names, as text; a list may go on over several lines."""
+def _fields(path: Path) -> dict[str, Any]:
+    """Return the values of a YAML file by their names, the first of each: texts, and lists of them."""
+    from ruamel.yaml import YAML  # few maps are read
+    from ruamel.yaml.error import YAMLError
+
     with path.open(encoding="utf-8-sig") as file:
         text = file.read(_MAX_YAML + 1)
     if len(text) > _MAX_YAML:
         raise ValueError(f"it is longer than {_MAX_YAML >> 10} KiB")
-    fields, name = {"": ""}, ""
-    for line in _COMMENT.sub(r"\1", text).split("\n"):
-        key, colon, value = line.partition(":")
-        if colon:
-            name = key.strip()
-            fields[name] = value.strip()
-        elif line.startswith((" ", "\t", "- ")):
-            fields[name] += " " + line.strip().removeprefix("- ")
-    values = {name: value.strip() for name, value in fields.items()}
-    return {name: json.loads(text) if text[:1] == '"' else text.strip("'") for name, text in values.items()}
+    yaml = YAML(typ="base", pure=True)
+    yaml.allow_duplicate_keys = True
+    if text.count("[") + text.count("{") > _MAX_LISTS:
+        raise ValueError(f"it has more than {_MAX_LISTS} lists")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # two values may have one anchor
+            fields = yaml.load(text.replace("\t", " "))  # it takes no tab between two words
+    except (YAMLError, RecursionError) as error:
+        raise ValueError(str(error).partition("\n")[0]) from None
+    if not isinstance(fields, dict):
+        raise LogFormatError("it is no table of names and values")
+    return fields
 
 
-def _numbers(name: str, text: str, n: int = 1) -> list[float]:
-    numbers = [float(number) for number in text.strip("[]").replace(",", " ").split()]
+def _text(name: str, value: object) -> str:
+    if not isinstance(value, str):
+        raise LogFormatError(f"{name} must be one value")
+    return value
+
+
+def _numbers(name: str, value: object, n: int = 1) -> list[float]:
+    texts = [_text(name, one) for one in (value if isinstance(value, list) else [value])]
+    numbers = [float(text) for text in texts]
     if len(numbers) != n or not np.isfinite(numbers).all():
-        raise ValueError(f"{name} must be {n} finite number{'s' * (n > 1)}, got {text!r:.80}")
+        raise ValueError(f"{name} must be {n} finite number{'s' * (n > 1)}, got {', '.join(texts)!r:.80}")
     return numbers
 
 
