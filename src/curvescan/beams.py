@@ -87,8 +87,8 @@ def require_radians(beams: Beams) -> None:
     span = abs(last - first)
     if max(span, abs(first), abs(last)) > _MOST_TURNS * 2.0 * math.pi:
         raise InvalidArgumentError(
-            f"angles must be radians: {n} beams from angle_min={first:g} in steps of {beams.angle_increment:g} go round "
-            f"{span / (2.0 * math.pi):.1f} times; if they are degrees, convert them with numpy.radians"
+            f"angles must be radians: {n} beams from angle_min={first:g} in steps of {beams.angle_increment:g} go "
+            f"round {span / (2.0 * math.pi):.1f} times; if they are degrees, convert them with numpy.radians"
         )
 
 
