@@ -201,8 +201,8 @@ NAMED = (
     _named(
         "the motion that a match found is not expected next",
         "odometry/motion_model.py",
-        "moved=moved, last=motion, n_failures=0",
-        "moved=moved, last=self.last, n_failures=0",
+        "            last=motion,",
+        "            last=self.last,",
     ),
     _named(
         "closures are accepted alone where the graph is vague",

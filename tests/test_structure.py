@@ -198,17 +198,17 @@ PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
 """Floats that nobody tunes; neither are those of 1e-6 and smaller, which guard divisions."""
 
 BUDGET: dict[str, tuple[int, int, int]] = {
-    "(ground)": (1619, 31, 0),
+    "(ground)": (1621, 31, 0),
     "benchmarks": (482, 23, 0),
     "cli": (2636, 16, 0),
-    "diagnostics": (2003, 58, 0),
+    "diagnostics": (2007, 58, 0),
     "editing": (454, 2, 0),
     "engines": (791, 2, 0),
     "evaluation": (829, 15, 0),
     "io": (5972, 38, 0),
     "live": (2806, 41, 0),
     "mapping": (941, 17, 8),
-    "matchers": (673, 4, 0),
+    "matchers": (672, 4, 0),
     "matchers/baselines": (1528, 44, 35),
     "matchers/cfsma": (1103, 15, 17),
     "matchers/curvescan": (3386, 82, 22),

@@ -85,7 +85,7 @@ def require_radians(beams: Beams) -> None:
     first, n = beams.angle_min, beams.angles.size
     last = float(beams.angles[-1]) if n else first
     span = abs(last - first)
-    if max(span, abs(first), abs(last)) > _MOST_TURNS * 2.0 * math.pi:
+    if max(span, min(abs(first), abs(last))) > _MOST_TURNS * 2.0 * math.pi:
         raise InvalidArgumentError(
             f"angles must be radians: {n} beams from angle_min={first:g} in steps of {beams.angle_increment:g} go "
             f"round {span / (2.0 * math.pi):.1f} times; if they are degrees, convert them with numpy.radians"

@@ -19,6 +19,7 @@ from curvescan.mapping.run_maps import build_maps
 from curvescan.matchers import DEFAULT_METHOD, find_matcher, match
 from curvescan.odometry import Odometry, OdometryConfig
 from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import eigen3
 from curvescan.types import Pose
 
 Processor: TypeAlias = Literal["generic", "native"]
@@ -129,6 +130,7 @@ def _drive(method: str, laps: Pose) -> None:
         _scan(pose, _HALL if k in (5, 6) else _ROOM, k, person=10 * k, is_swept=True)
         for k, pose in enumerate(there_and_back)
     ]
+    eigen3(np.eye(3))  # of what is known in corridors, and since a keyframe
     for config in (None, OdometryConfig.scan_to_scan()):
         run = run_engine(scans, Odometry(method, config=config), odometry_poses=there_and_back)
     build_maps(scans, run.trajectory.poses, run.is_joined, occupancy=OccupancyConfig())

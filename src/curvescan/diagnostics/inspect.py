@@ -156,8 +156,6 @@ def inspect_log(
     beam_counts: dict[int, int] = {}
     for (n, *_), n_scans in sorted(statistics.layouts.items()):
         beam_counts[n] = beam_counts.get(n, 0) + n_scans
-    frequent = statistics.codes.most_common(_MAX_CODES)
-    codes = (ReadingCode(value=value, share=count / statistics.n_readings) for value, count in frequent)
     odometry, sensor = log.odometry, sensor or judge_sensor(log)
     code_band = statistics.top_of_range.code_band()
     code_band = None if code_band is None or is_of_walls(log, code_band[:2]) else code_band
@@ -184,7 +182,7 @@ def inspect_log(
         empty_beams=statistics.beams.empty_beams,
         fixed_beams=statistics.beams.fixed_beams,
         largest_reading=max(statistics.top, default=math.nan),
-        codes=tuple(code for code in codes if code.share >= _MIN_CODE_SHARE),
+        codes=_codes(statistics),
         suspect=_suspect(statistics),
         code_band=code_band,
         ring=None if ring is None or is_of_walls(log, ring[:2]) else ring,
@@ -256,6 +254,12 @@ def _summarise_odometry(odometry: Trajectory, lag: float) -> OdometrySummary:
         n_missing=len(odometry) - len(poses),
         lag=lag,
     )
+
+
+def _codes(statistics: LogStatistics) -> tuple[ReadingCode, ...]:
+    frequent = statistics.codes.most_common(_MAX_CODES)
+    codes = (ReadingCode(value=value, share=count / statistics.n_readings) for value, count in frequent)
+    return tuple(code for code in codes if code.share >= _MIN_CODE_SHARE)
 
 
 def _suspect(statistics: LogStatistics) -> ReadingCode | None:

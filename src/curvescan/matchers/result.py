@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
-from curvescan.se2 import is_positive_definite
-from curvescan.se2.uncertain import wrap_angle
+from curvescan.se2 import is_positive_definite, wrap
 from curvescan.types import Codes, Cov, Floats, Pose, UncertainPose
 
 GUESS_SIGMA = (0.3, 0.3, 0.2)  # standard deviations that a bare guess stands for: metres, metres, radians
@@ -71,7 +70,7 @@ def _as_pose(value: ArrayLike, name: str) -> Pose:
             f"{name} must lie within {_MAX:g} m, its angle within as many radians: leave it out where there is "
             f"none, got {value!r}"
         )
-    return pose if abs(pose[2]) <= math.pi else np.append(pose[:2], wrap_angle(pose[2]))
+    return pose if abs(pose[2]) <= math.pi else np.append(pose[:2], wrap(pose[2]))
 
 
 def log_odds(confidence: float, unknown: float = 0.0) -> float:
