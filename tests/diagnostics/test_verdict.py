@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shlex
 import tomllib
@@ -250,7 +251,9 @@ def map_and_record(hall):
     engine.finish()
     outcomes = [cs.StepOutcome.MATCHED] * len(hall)
     outcomes[LOST_AT] = cs.StepOutcome.LOST
-    return engine.map, SimpleNamespace(outcomes=tuple(outcomes))
+    stamps, sure = 0.1 * np.arange(len(hall)), np.full(len(hall), 0.99)
+    record = {"trajectory": SimpleNamespace(stamps=stamps), "scan_period": 0.1, "confidence": sure, "has_prior": False}
+    return engine.map, SimpleNamespace(outcomes=tuple(outcomes), **record)
 
 
 @pytest.mark.slow
@@ -262,6 +265,37 @@ def test_a_lost_track_must_tell_the_place_where_it_was_joined(map_and_record, of
     since = (slam_map.indices >= LOST_AT)[:, np.newaxis]
     moved = replace(slam_map, poses=np.where(since, se2.compose(off, slam_map.poses), slam_map.poses))
     assert [b.first for b in find_ambiguous(record, moved)] == [LOST_AT] * is_told
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("seconds", "confidence", "has_prior", "is_told"),
+    [
+        (2.0, 0.8, False, True),
+        (2.0, math.nan, False, True),
+        (2.0, 0.95, False, False),
+        (0.5, 0.8, False, False),
+        (2.0, 0.8, True, False),
+    ],
+)
+def test_where_scans_are_missing_a_match_in_doubt_must_tell_its_place(
+    map_and_record, seconds, confidence, has_prior, is_told
+):
+    slam_map, lost = map_and_record
+    stamps, said = lost.trajectory.stamps.copy(), lost.confidence.copy()
+    stamps[LOST_AT:] += seconds
+    said[LOST_AT] = confidence
+    record = SimpleNamespace(
+        outcomes=(cs.StepOutcome.MATCHED,) * len(said),
+        trajectory=SimpleNamespace(stamps=stamps),
+        scan_period=0.1,
+        confidence=said,
+        has_prior=has_prior,
+    )
+    since = (slam_map.indices >= LOST_AT)[:, np.newaxis]
+    moved = replace(slam_map, poses=np.where(since, se2.compose((0.0, 0.0, 1.5), slam_map.poses), slam_map.poses))
+    assert [b.first for b in find_ambiguous(record, moved)] == [LOST_AT] * is_told
+    assert find_ambiguous(record, slam_map) == []
 
 
 @pytest.mark.slow
@@ -309,7 +343,7 @@ def test_the_guide_has_a_row_for_each_reason():
 
 def test_a_lost_track_that_is_joined_in_a_place_like_others_is_a_reason():
     said = reason(engine="slam", breaks=(Break("ambiguous", 100, 100, 0.0),))
-    assert "after scan 100, where the track was lost, matches have joined it in a place that looks like others" in said
+    assert "after scan 100, where the track was lost or scans are missing, matches have joined it in a place" in said
     assert "what helps: a log with wheel odometry; or drive from one part to the other once more" in said
 
 

@@ -1,8 +1,9 @@
 """Breaks: where a drive goes on as no scan shows it.
 
 What breaks it and leaves covariances as they are: a scanner that repeats a scan while the sensor drives, parts of a map
-that wheels alone tie though the scans on either side should match, a track that was lost and is joined in a place that
-looks like others, and a step that is measured and does not go with the loops.
+that wheels alone tie though the scans on either side should match, a track that was lost, or goes on in doubt where
+scans are missing, and is joined in a place that looks like others, and a step that is measured and does not go with the
+loops.
 """
 
 from typing import NamedTuple
@@ -10,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
+from curvescan.diagnostics.inspect import LEAP_FACTOR, LEAP_SECONDS
 from curvescan.editing.operations import part_of
 from curvescan.engines import RunRecord
 from curvescan.io.log import Log
@@ -23,6 +25,7 @@ _STILL = 0.02  # a sensor stands that moves and turns by no more, metres and rad
 _NEAR = 0.5  # scans so near to each other see the same, metres and radians
 _N_SCANS = 5  # scans after a break in which the track is found again, or lost
 _N_VIEWS = 20  # most keyframes of a track, one of which at least tells its place, where there are half as many
+_SURE = 0.9  # confidence from which on a match bridges scans that are missing
 _TIMES, _USUAL = 3, 0.95  # a leap is so many times as long as this quantile of the steps
 
 
@@ -60,9 +63,11 @@ def find_untied(record: RunRecord, wheels: Pose, log: Log, slam_map: SlamMap) ->
 
 
 def find_ambiguous(record: RunRecord, slam_map: SlamMap) -> list[Break]:
-    """Return where a lost track was joined in a place like others: views tell no place from the next."""
-    lost = (k for k, outcome in enumerate(record.outcomes) if outcome is StepOutcome.LOST)
-    return [Break("ambiguous", k, k, 0.0) for k in lost if _is_ambiguous(slam_map, k)]
+    """Return where a track was joined that was lost, or in doubt, in a place like others: views tell no place there."""
+    is_lost = np.array([outcome is StepOutcome.LOST for outcome in record.outcomes])
+    joined = [(k, _N_VIEWS // 2) for k in np.flatnonzero(is_lost).tolist()]
+    joined += [(k, 0) for k in np.flatnonzero(_is_in_doubt(record)).tolist()]
+    return [Break("ambiguous", k, k, 0.0) for k, n_least in joined if _is_ambiguous(slam_map, k, n_least)]
 
 
 def find_torn(engine: Slam, most: float, *, has_wheels: bool) -> list[Break]:
@@ -83,6 +88,12 @@ def _begins(mask: Bools) -> Bools:
     return mask & ~np.concatenate(([True], mask[:-1]))
 
 
+def _is_in_doubt(record: RunRecord) -> Bools:
+    """Return (n,) whether scans are missing before each, no wheels bridge them, and no sure match does."""
+    is_leap = np.diff(record.trajectory.stamps, prepend=np.nan) > max(LEAP_SECONDS, LEAP_FACTOR * record.scan_period)
+    return is_leap & ~(record.confidence >= _SURE) & (not record.has_prior)
+
+
 def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap) -> bool:
     """Return whether scan k should match the one before it, does not, and nothing else ties the parts on its sides."""
     motion = np.abs(se2.between(wheels[k - 1], wheels[k]))
@@ -91,11 +102,14 @@ def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap) -> bo
     return not _tied_since(slam_map, k)[0].size
 
 
-def _is_ambiguous(slam_map: SlamMap, k: int) -> bool:
-    """Return whether nothing seen since matches tied it to what was before scan k tells its place there from others."""
+def _is_ambiguous(slam_map: SlamMap, k: int, n_least: int) -> bool:
+    """Return whether nothing seen since matches tied it to what was before scan k tells its place there from others.
+
+    n_least: views of fewer keyframes are no reason to doubt.
+    """
     tied, scans = _tied_since(slam_map, k)
     views = np.flatnonzero(scans >= tied.min()).tolist()[:_N_VIEWS] if tied.size else []
-    if 2 * len(views) < _N_VIEWS:
+    if not views or len(views) < n_least:
         return False
     localizer = Localizer(part_of(slam_map, np.flatnonzero(scans <= max(k - _N_SCANS, 0))))
     return not any(localizer.tells(slam_map.scans[row], slam_map.poses[row]) for row in views)

@@ -225,8 +225,7 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
         breaks += find_torn(engine, evidence.most_sigma, has_wheels=wheels is not None)
         if wheels is not None and log is not None:
             breaks += find_untied(record, wheels, log, engine.map)
-        if n_parts == 1 and StepOutcome.LOST in record.outcomes:
-            breaks += find_ambiguous(record, engine.map)
+        breaks += find_ambiguous(record, engine.map) if n_parts == 1 else []
     return replace(evidence, breaks=tuple(breaks))
 
 

@@ -43,6 +43,8 @@ class RunRecord:
         Scans at which wheels or a gyroscope contradicted a match that the last motion supports, and were left out.
     n_matched : (n,) int64
         Matched pairs of readings behind each pose; 0 where there was no match.
+    confidence : (n,) float64
+        Probability that the match of each scan is right; NaN where there was none, or the matcher gives none.
     is_degenerate : (n,) bool
         Whether the match of each scan leaves a direction unobservable, as along a corridor.
     seconds : (n,) float64
@@ -63,6 +65,7 @@ class RunRecord:
     failures: dict[Outcome, int]
     n_rejected: int
     n_matched: Ints
+    confidence: Floats
     is_degenerate: Bools
     seconds: Floats
     is_partial: bool
@@ -109,7 +112,7 @@ class Recorder:
         self._stamps, self._poses, self._odom, self._covariances, self._seconds = (array("d") for _ in range(5))
         self._outcomes: list[StepOutcome] = []
         self._steps: list[Step] = []
-        self._n_matched, self._is_degenerate = array("q"), array("b")
+        self._n_matched, self._confidences, self._is_degenerate = array("q"), array("d"), array("b")
         self._n_rejected = self._n_prior_rejected = 0
         self._failures: Counter[Outcome] = Counter()
 
@@ -122,6 +125,7 @@ class Recorder:
         self._odom.extend(step.pose_odom.tolist())
         self._covariances.extend(step.covariance.ravel().tolist())
         self._n_matched.append(match.n_matched if match else 0)
+        self._confidences.append(match.confidence if match else math.nan)
         self._is_degenerate.append(match is not None and match.degenerate_direction is not None)
         if match and not step.is_matched:
             if match.ok:
@@ -151,6 +155,7 @@ class Recorder:
             failures=dict(self._failures.most_common()),
             n_rejected=self._n_rejected,
             n_matched=np.array(self._n_matched[:n], dtype=np.int64),
+            confidence=np.array(self._confidences[:n]),
             is_degenerate=np.array(self._is_degenerate[:n], dtype=np.bool_),
             seconds=np.array(self._seconds[:n]),
             is_partial=is_partial,
