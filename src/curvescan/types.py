@@ -74,7 +74,7 @@ class UncertainPose(NamedTuple):
         return f"UncertainPose(x={x:.4f}±{sx:.4f} m, y={y:.4f}±{sy:.4f} m, theta={theta:.4f}±{st:.4f} rad)"
 
 
-def changed(record: _Record, **fields: object) -> _Record:
+def with_fields(record: _Record, **fields: object) -> _Record:
     """Return a dataclass with other fields, not checked again; :func:`dataclasses.replace` takes ten times as long."""
     made = object.__new__(type(record))
     made.__dict__.update(record.__dict__, **fields)

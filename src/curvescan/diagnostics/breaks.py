@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
-from curvescan.diagnostics.inspect import LEAP_FACTOR, LEAP_SECONDS
+from curvescan.diagnostics.inspect import are_leaps
 from curvescan.editing.operations import part_of
 from curvescan.engines import RunRecord
 from curvescan.io.log import Log
@@ -64,10 +64,19 @@ def find_untied(record: RunRecord, wheels: Pose, log: Log, slam_map: SlamMap) ->
 
 def find_ambiguous(record: RunRecord, slam_map: SlamMap) -> list[Break]:
     """Return where a track was joined that was lost, or in doubt, in a place like others: views tell no place there."""
-    is_lost = np.array([outcome is StepOutcome.LOST for outcome in record.outcomes])
-    joined = [(k, _N_VIEWS // 2) for k in np.flatnonzero(is_lost).tolist()]
-    joined += [(k, 0) for k in np.flatnonzero(_is_in_doubt(record)).tolist()]
-    return [Break("ambiguous", k, k, 0.0) for k, n_least in joined if _is_ambiguous(slam_map, k, n_least)]
+    joins = joins_in_doubt(record)
+    return [Break("ambiguous", k, k, 0.0) for k, n_least in joins if _is_ambiguous(slam_map, k, n_least)]
+
+
+def joins_in_doubt(record: RunRecord) -> list[tuple[int, int]]:
+    """Return the scans from which on a track had to be joined, and of how many views one at least must tell its place.
+
+    After a loss, and where scans are missing, no wheels bridge them and no sure match does.
+    """
+    is_leap = are_leaps(np.diff(record.trajectory.stamps, prepend=np.nan), record.scan_period)
+    in_doubt = np.flatnonzero(is_leap & ~(record.confidence >= _SURE) & (not record.has_prior)).tolist()
+    lost = [k for k, outcome in enumerate(record.outcomes) if outcome is StepOutcome.LOST]
+    return [(k, _N_VIEWS // 2) for k in lost] + [(k, 1) for k in in_doubt]
 
 
 def find_torn(engine: Slam, most: float, *, has_wheels: bool) -> list[Break]:
@@ -88,12 +97,6 @@ def _begins(mask: Bools) -> Bools:
     return mask & ~np.concatenate(([True], mask[:-1]))
 
 
-def _is_in_doubt(record: RunRecord) -> Bools:
-    """Return (n,) whether scans are missing before each, no wheels bridge them, and no sure match does."""
-    is_leap = np.diff(record.trajectory.stamps, prepend=np.nan) > max(LEAP_SECONDS, LEAP_FACTOR * record.scan_period)
-    return is_leap & ~(record.confidence >= _SURE) & (not record.has_prior)
-
-
 def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap) -> bool:
     """Return whether scan k should match the one before it, does not, and nothing else ties the parts on its sides."""
     motion = np.abs(se2.between(wheels[k - 1], wheels[k]))
@@ -109,7 +112,7 @@ def _is_ambiguous(slam_map: SlamMap, k: int, n_least: int) -> bool:
     """
     tied, scans = _tied_since(slam_map, k)
     views = np.flatnonzero(scans >= tied.min()).tolist()[:_N_VIEWS] if tied.size else []
-    if not views or len(views) < n_least:
+    if len(views) < n_least:
         return False
     localizer = Localizer(part_of(slam_map, np.flatnonzero(scans <= max(k - _N_SCANS, 0))))
     return not any(localizer.tells(slam_map.scans[row], slam_map.poses[row]) for row in views)

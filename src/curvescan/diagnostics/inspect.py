@@ -19,7 +19,7 @@ from curvescan.io.log import Log, ScanAccess
 from curvescan.io.reading import read_log
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.types import Floats
+from curvescan.types import Bools, Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,8 +130,8 @@ _MAX_CODES = 8
 _N_SUSPECTS = 3
 _MIN_SUSPECT_SHARE = 0.01
 _MIN_SUSPECT_COUNT = 20
-LEAP_FACTOR = 10.0
-LEAP_SECONDS = 1.0
+_LEAP_FACTOR = 10.0
+_LEAP_SECONDS = 1.0
 _REGULAR = 0.2  # span of the middle half of the steps of a regular clock, as a share of their median
 _MISSING = 1.6  # steps from which on a sweep is missing, in medians
 
@@ -205,6 +205,11 @@ def _gyroscope(log: Log, sense: RotationDirection | None) -> Gyroscope | None:
     return None if turned is None else judge_gyroscope(log, turned)
 
 
+def are_leaps(steps: Floats, median: float) -> Bools:
+    """Return (n,) which time steps are leaps, seconds; their median is that of the steps that go forward."""
+    return steps > max(_LEAP_SECONDS, _LEAP_FACTOR * median)
+
+
 def summarise_time(stamps: Floats) -> TimeSummary:
     """Return what the time steps between (n,) stamps look like; NaN where there are too few scans."""
     steps = np.diff(stamps)
@@ -213,7 +218,7 @@ def summarise_time(stamps: Floats) -> TimeSummary:
     forward, back = steps[steps > 0.0], steps[steps < 0.0]
     median = float(np.median(forward)) if forward.size else math.nan
     # no comparison with NaN holds: without a forward step there is no leap
-    is_leap = forward > max(LEAP_SECONDS, LEAP_FACTOR * median)
+    is_leap = are_leaps(forward, median)
     leaps, usual = forward[is_leap], forward[~is_leap]
     # a clock is regular where the middle half of its steps lies near their median; else nothing tells what is missing
     is_regular = usual.size and not np.subtract(*np.percentile(usual, [75, 25])) > _REGULAR * median

@@ -17,13 +17,8 @@ from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
 
-_DROPS = (
-    "stale_beams",
-    "undeclared_codes",
-    "ring",
-    "fixed_beams",
-    "empty_beams",
-)  # kinds of issues whose mending leaves readings out
+# kinds of issues whose mending leaves readings out
+_DROPS = ("stale_beams", "undeclared_codes", "ring", "fixed_beams", "empty_beams")
 _JUDGED_AT = (100, 1000)  # scans after which a running laser is judged
 
 

@@ -11,14 +11,13 @@ import math
 from array import array
 from collections import Counter
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from curvescan.beams import beams_at
-from curvescan.diagnostics.top_of_range import TopOfRange
+from curvescan.diagnostics.top_of_range import TopOfRange, runs_of
 from curvescan.scan import LaserScan
-from curvescan.types import Bools, Floats
+from curvescan.types import Floats
 
 _CHANGED = 8.0  # median change from sweep to sweep, in steps of the readings, from which on the scene changes
 _NEAR = 4  # changes of up to so many steps are counted to estimate how often one of zero is expected
@@ -70,13 +69,11 @@ class EmptyBeams(NamedTuple):
         kept = np.ones(self.n_beams, dtype=np.bool_)
         for first, last in self.runs:
             kept[first : last + 1] = False
-        beams = beams_at(scan.angles[kept])
+        directions: dict[str, Any] = {"angle_min": None, "angle_increment": None, "angles": scan.angles[kept]}
         return replace(
             scan,
+            **directions,
             ranges=scan.ranges[kept],
-            angles=beams.angles,
-            angle_min=beams.angle_min,
-            angle_increment=beams.angle_increment,
             intensities=None if scan.intensities is None else scan.intensities[kept],
             # the first and the last beam stay, and so does the time between them
             time_increment=scan.time_increment * (self.n_beams - 1) / (np.count_nonzero(kept) - 1),
@@ -123,7 +120,7 @@ class BeamStatistics:
     def empty_beams(self) -> EmptyBeams | None:
         """Beams that never read, few side by side and many in all, between beams that do; None without any."""
         n, never = self._counts.size, self._counts == 0.0
-        runs = [(a, b) for a, b in _runs(never) if a > 0 and b < n - 1 and b - a < _MAX_EMPTY]
+        runs = [(a, b) for a, b in (runs_of(never) - [0, 1]).tolist() if a > 0 and b < n - 1 and b - a < _MAX_EMPTY]
         found = EmptyBeams(tuple(runs), n)
         return found if self._n_scans >= _MIN_SCANS and found.share >= _MIN_EMPTY_SHARE else None
 
@@ -144,7 +141,7 @@ class BeamStatistics:
         if not others.size or np.median(others) < _MOVING:
             return None
         beside = np.pad(well_seen & ~fixed & (deviations < _MOVING), _EDGE)  # where walls stand
-        runs = tuple((a, b) for a, b in _runs(fixed) if not (beside[a] or beside[b + 2 * _EDGE]))
+        runs = tuple((a, b) for a, b in (runs_of(fixed) - [0, 1]).tolist() if not (beside[a] or beside[b + 2 * _EDGE]))
         return FixedBeams(runs, fixed.size) if runs else None
 
     def add(self, scan: LaserScan) -> None:
@@ -180,12 +177,6 @@ class BeamStatistics:
         self.n_compared += changes.size
         self.n_equal += changes.size - changed.size
         self.n_near += int(np.searchsorted(changed, (_NEAR + 0.5) * step))
-
-
-def _runs(are_so: Bools) -> list[list[int]]:
-    """Return the first and the last number of each run of (n,) values that are so."""
-    edges = np.flatnonzero(np.diff(np.pad(are_so.astype(np.int8), 1))).reshape(-1, 2) - [0, 1]
-    return list(edges.tolist())
 
 
 Layout = tuple[int, float, float, bool]  # number of beams, angle_min, mean step, whether the sweep is a full circle

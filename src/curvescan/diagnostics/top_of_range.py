@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from curvescan.io.log import Log
 from curvescan.scan import LaserScan
-from curvescan.types import Bools, Floats
+from curvescan.types import Bools, Floats, Ints
 
 _BIN = 0.05  # width of the bins in which readings are counted, metres
 _N_BINS = 2048  # readings beyond the last bin, 102 m, are not counted: no common 2D laser reaches farther
@@ -98,6 +98,11 @@ class TopOfRange:
         return None
 
 
+def runs_of(mask: Bools) -> Ints:
+    """Return (k, 2) where each run of True in (n,) begins, and where it has ended."""
+    return np.flatnonzero(np.diff(np.pad(mask.astype(np.int8), 1))).reshape(-1, 2)
+
+
 def is_of_walls(log: Log, band: tuple[float, float]) -> bool:
     """Return whether most readings of a band of ranges lie on straight lines rather than on circles about the sensor.
 
@@ -108,7 +113,7 @@ def is_of_walls(log: Log, band: tuple[float, float]) -> bool:
     for scan in islice(log, 0, None, max(len(log) // _N_PROBED, 1)):
         inside = scan.valid & (scan.ranges >= band[0]) & (scan.ranges <= band[1])
         n_inside += int(np.count_nonzero(inside))
-        ends = np.flatnonzero(np.diff(np.pad(inside.astype(np.int8), 1))).reshape(-1, 2)
+        ends = runs_of(inside)
         for a, b in ends[ends[:, 1] - ends[:, 0] >= _N_ARC[0]].tolist():
             for arc in np.array_split(np.arange(a, b), -((a - b) // _N_ARC[1])):
                 ranges, n = scan.ranges[arc], len(arc)

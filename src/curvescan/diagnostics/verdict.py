@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan.configs import counted, shipped_table
-from curvescan.diagnostics.breaks import Break, find_ambiguous, find_frozen, find_torn, find_untied
+from curvescan.diagnostics.breaks import Break, find_ambiguous, find_frozen, find_torn, find_untied, joins_in_doubt
 from curvescan.diagnostics.issues import Sentences
 from curvescan.diagnostics.preparation import PreparedLog
+from curvescan.diagnostics.top_of_range import runs_of
 from curvescan.engines import RunRecord
 from curvescan.engines.engine import Engine
 from curvescan.io.log import ScanAccess
@@ -225,7 +226,8 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
         breaks += find_torn(engine, evidence.most_sigma, has_wheels=wheels is not None)
         if wheels is not None and log is not None:
             breaks += find_untied(record, wheels, log, engine.map)
-        breaks += find_ambiguous(record, engine.map) if n_parts == 1 else []
+        if n_parts == 1 and joins_in_doubt(record):  # the map takes its time
+            breaks += find_ambiguous(record, engine.map)
     return replace(evidence, breaks=tuple(breaks))
 
 
@@ -246,5 +248,4 @@ def largest_sigma(record: RunRecord, engine: Engine) -> float:
 
 def _longest(mask: Bools) -> int:
     """Return the greatest number of True in a row."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))
+    return int(np.ptp(runs_of(mask), axis=1).max(initial=0))

@@ -13,7 +13,7 @@ from curvescan.configs import counted
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import Outcome
 from curvescan.odometry.step import MATCHES, Step, StepOutcome
-from curvescan.types import Bools, Floats, Ints, changed
+from curvescan.types import Bools, Floats, Ints, with_fields
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -167,8 +167,6 @@ class Recorder:
 
 def without_trace(step: Step) -> Step:
     """Return a step without what the matcher did on the way, which is larger than all the rest."""
-    return (
-        step
-        if step.match is None
-        else changed(step, match=changed(step.match, reference=None, current=None, trace=None))
-    )
+    if step.match is None:
+        return step
+    return with_fields(step, match=with_fields(step.match, reference=None, current=None, trace=None))

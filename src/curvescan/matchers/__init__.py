@@ -10,7 +10,7 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS, Matcher, MatcherConfig, Method, find_matcher
 from curvescan.matchers.result import Candidate, Label, MatchResult, Outcome, prior_of
 from curvescan.scan import LaserScan
-from curvescan.types import UncertainPose, changed
+from curvescan.types import UncertainPose, with_fields
 
 __all__ = [
     "DEFAULT_METHOD", "MATCHERS", "Candidate", "Label", "MatchResult", "Matcher", "MatcherConfig", "Method",
@@ -109,7 +109,7 @@ def match(
     ref, cur = prepared(reference, matcher, "reference"), prepared(current, matcher, "current")
     result = matcher.match(ref.features, cur.features, prior_of(prior, guess))
     watch.report()
-    return changed(result, reference=ref.scan, current=cur.scan)
+    return with_fields(result, reference=ref.scan, current=cur.scan)
 
 
 def prepared(scan: LaserScan | PreparedScan, matcher: Matcher, name: str) -> PreparedScan:

@@ -19,7 +19,7 @@ from curvescan.matchers import PreparedScan, prepared
 from curvescan.matchers.registry import DEFAULT_METHOD, Matcher, MatcherConfig, Method, find_matcher
 from curvescan.matchers.result import MatchResult, prior_of
 from curvescan.scan import LaserScan
-from curvescan.types import UncertainPose, changed
+from curvescan.types import UncertainPose, with_fields
 
 _AnyScan = LaserScan | PreparedScan
 _Job = tuple[PreparedScan, PreparedScan, UncertainPose | None]
@@ -106,7 +106,7 @@ class _Once:
 def _matched(matcher: Matcher, jobs: list[_Job], *, has_scans: bool = True) -> list[MatchResult]:
     """Return the results of some jobs, without traces, which hold much."""
     return [
-        changed(
+        with_fields(
             matcher.match(ref.features, cur.features, prior),
             reference=ref.scan if has_scans else None,
             current=cur.scan if has_scans else None,
@@ -188,5 +188,5 @@ def _received(pipe: Connection, part: list[_Job], patience: float) -> list[Match
     except (EOFError, OSError):
         return []
     return [
-        changed(one, reference=ref.scan, current=cur.scan) for one, (ref, cur, _) in zip(results, part, strict=True)
+        with_fields(one, reference=ref.scan, current=cur.scan) for one, (ref, cur, _) in zip(results, part, strict=True)
     ]

@@ -21,7 +21,7 @@ from curvescan.odometry.config import MotionConfig, OdometryConfig
 from curvescan.odometry.motion_model import Prediction
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, eigen3, fuse
-from curvescan.types import Cov, Floats, changed
+from curvescan.types import Cov, Floats, with_fields
 
 _OPEN = 100.0
 """Standard deviation of what is not measured, metres: more than any prediction errs."""
@@ -129,7 +129,7 @@ def _opened(result: MatchResult, way: Floats, wide: Cov) -> MatchResult:
     pull = result.information @ way
     known = np.outer(pull, pull) / (way @ pull) if way @ pull > 0.0 else np.zeros((3, 3))
     covariance, information = result.covariance + wide, result.information - known
-    return changed(result, degenerate_direction=way, covariance=covariance, information=information)
+    return with_fields(result, degenerate_direction=way, covariance=covariance, information=information)
 
 
 def _shift(expected: UncertainPose, found: UncertainPose, prediction: Prediction) -> float:
@@ -235,7 +235,7 @@ def decided_by_expectation(result: MatchResult, expected: UncertainPose, config:
     best = result.candidates[0]
     for one in result.candidates:
         if (one is best or one.log_odds > max(best.log_odds - CERTAIN, 0.0)) and _lies_near(one, expected, config):
-            return changed(
+            return with_fields(
                 result,
                 outcome=Outcome.MATCHED,
                 pose=one.pose,

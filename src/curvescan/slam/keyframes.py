@@ -20,7 +20,7 @@ from curvescan.slam.loops.overlap import N_SECTORS, range_profile
 from curvescan.slam.loops.place_index import PlaceIndex, Signature, signature
 from curvescan.slam.open_direction import along_walls
 from curvescan.slam.pose_graph.rows import Rows
-from curvescan.types import Bools, Ints, changed
+from curvescan.types import Bools, Ints, with_fields
 
 _N_PREPARED = 100
 """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
@@ -107,8 +107,8 @@ class Keyframes:
         x, y, turn = result.degenerate_direction.tolist()
         seen = reference.scan.points[reference.scan.valid]
         if math.hypot(x, y) <= abs(turn) * np.median(np.hypot(*seen.T)):  # about a point among what is seen
-            return changed(result, outcome=Outcome.UNCONSTRAINED, pose=NO_POSE, covariance=NO_COVARIANCE)
-        return changed(result, degenerate_direction=along_walls(seen, result.degenerate_direction))
+            return with_fields(result, outcome=Outcome.UNCONSTRAINED, pose=NO_POSE, covariance=NO_COVARIANCE)
+        return with_fields(result, degenerate_direction=along_walls(seen, result.degenerate_direction))
 
     def prepare(self, scan: LaserScan) -> PreparedScan:
         """Return any scan ready to be matched with keyframes."""

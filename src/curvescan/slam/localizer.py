@@ -34,7 +34,7 @@ from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, Views, said
 from curvescan.slam.loops.closures import is_certain
 from curvescan.slam.map import SlamMap
-from curvescan.types import Pose, changed
+from curvescan.types import Pose, with_fields
 
 _NOWHERE = UncertainPose(np.full(3, np.nan), np.full((3, 3), np.nan))
 """The pose of a sensor that is searched for."""
@@ -226,4 +226,4 @@ class Localizer:
             around.covariance.copy(),
             cov.copy(),
         )  # who changes them changes nothing here
-        return changed(step, pose=pose, covariance=own, outcome=outcome, keyframe=keyframe, covariance_global=cov)
+        return with_fields(step, pose=pose, covariance=own, outcome=outcome, keyframe=keyframe, covariance_global=cov)

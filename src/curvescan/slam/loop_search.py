@@ -27,7 +27,7 @@ from curvescan.slam.loops.overlap import predicted_overlap
 from curvescan.slam.open_direction import placed
 from curvescan.slam.pose_graph.graph import is_whole
 from curvescan.slam.pose_graph.robust import optimized
-from curvescan.types import Bools, Cov, Floats, Ints, Pose, changed
+from curvescan.types import Bools, Cov, Floats, Ints, Pose, with_fields
 
 N_LINKED = 3  # preceding keyframes that a new one is matched with
 _SIGMAS = 5.0  # standard deviations that a keyframe may lie from where the graph has it: slips go far
@@ -240,7 +240,7 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
         along = result.degenerate_direction
         if result.is_guess_decisive and along is None and is_loop(i, j):  # several places explain them: it is open
             along = np.array([*np.linalg.eigh(result.covariance[:2, :2])[1][:, 1], 0.0])
-            result = changed(result, degenerate_direction=along)
+            result = with_fields(result, degenerate_direction=along)
         closure = closure_of(result, expected, config, scan=index, i=i, j=j)
         if guess and closure.is_accepted and closure.is_loop and along is not None:  # neighbours in a row err alike
             views = (keyframes.prepared(k).scan for k in (i, j))

@@ -38,7 +38,7 @@ from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.records import Records
-from curvescan.types import Cov, Ints, Pose, changed
+from curvescan.types import Cov, Ints, Pose, with_fields
 
 _VAGUE = 0.3  # a new keyframe is due when the way since the last one is known no better, metres and radians
 _N_LEAST, _GROWTH = 10, 0.05  # keyframes between optimizations, and share by which the graph grows, if no loop closes
@@ -134,7 +134,7 @@ class Slam:
         self._optimize_beside()
         is_revised, self._map.is_revised = self._map.is_revised, False
         here = compose(self._map.current_in_map(), seen)
-        return changed(
+        return with_fields(
             step,
             pose=here.pose,
             covariance=here.covariance,

@@ -27,9 +27,7 @@ from curvescan.types import Cov, Floats, Ints, Pose
 _SENTENCES = {o.name.lower(): o.value for o in StepOutcome}
 _ACCEPTED = (ClosureOutcome.ACCEPTED.name.lower(), ClosureOutcome.AGREED.name.lower())
 _BEAMS = {"ranges": np.uint16, "layout": np.int32, "angles": np.float32, "n_angles": np.int32}  # of all scans
-_COLUMNS = (
-    "keyframe_i", "keyframe_j", "kind", "outcome", "meaning", "score", "confidence", "squared_mahalanobis"
-)  # fmt: skip
+_COLUMNS = ("keyframe_i", "keyframe_j", "kind", "outcome", "meaning", "score", "confidence", "squared_mahalanobis")
 _FOLLOWED = 0.5  # the optimum follows an edge of more weight
 _UNFOLLOWED = ("left_out", "It was accepted; the optimum leaves it out, as other edges contradict it.")
 _CARRIED = ("in_the_map", "It has no record: added by hand, of an earlier session, or of keyframes that have gone.")
