@@ -221,9 +221,5 @@ class Localizer:
     def _at(self, step: Step, outcome: StepOutcome, here: UncertainPose = _NOWHERE, keyframe: int = -1) -> Step:
         """Return the step of a scan whose pose in the map is `here`, by its step of the odometry."""
         around, cov = (here, here.covariance) if self._fix is None else self._matching.in_map(here, self._fix.keyframe)
-        pose, own, cov = (
-            around.pose.copy(),
-            around.covariance.copy(),
-            cov.copy(),
-        )  # who changes them changes nothing here
+        pose, own, cov = (one.copy() for one in (around.pose, around.covariance, cov))  # changes stay the caller's
         return with_fields(step, pose=pose, covariance=own, outcome=outcome, keyframe=keyframe, covariance_global=cov)

@@ -24,7 +24,7 @@ from curvescan.slam.loops.agreement import best_group
 from curvescan.slam.loops.audit import N_NEAR, Contradiction, cost_of, is_refused, sets_against
 from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, is_certain, is_loop
 from curvescan.slam.loops.overlap import predicted_overlap
-from curvescan.slam.open_direction import placed
+from curvescan.slam.open_direction import n_through, placed
 from curvescan.slam.pose_graph.graph import is_whole
 from curvescan.slam.pose_graph.robust import optimized
 from curvescan.types import Bools, Cov, Floats, Ints, Pose, with_fields
@@ -34,11 +34,11 @@ _SIGMAS = 5.0  # standard deviations that a keyframe may lie from where the grap
 _MIN_SIMILARITY = 0.8  # least similarity by the place index of keyframes of a vague relative pose
 _N_LOGGED = 50_000  # pairs of keyframes whose match is kept, the latest
 _FARTHEST = 6.0  # keyframes of a known relative pose are matched up to here, metres: opposite views share least nearby
-_N_DOUBLED = 8  # keyframes in a row that mostly fail, less those that mostly match: 6 on good maps, 8 on torn ones
+_N_DOUBLED = 8  # keyframes in a row that mostly fail, less those that mostly match: 5 on good maps, 8 on torn ones
+_THROUGH = 0.05  # share of their readings that views of different places see through, at least
 
 _N_CERTAIN, _N_UNCERTAIN, _N_BESIDE = 5, 6, 2
-"""Earlier keyframes that a new one is matched with, at most: of a known relative pose, of one that is not, and beside a
-closure that waits."""
+"""Most keyframes that one is matched with: of a known relative pose, of an unknown one, beside a closure that waits."""
 
 
 class Candidate(NamedTuple):
@@ -135,7 +135,7 @@ class LoopSearch:
             if said <= self.config.closures.log_odds:
                 break  # nor do the others say more
             alone = alone or optimized(graph, weights=graph.weights)
-            failing = failing or {j: excess for j, excess, _ in self._failing()}
+            failing = failing or {j: 2.0 * len(refused) / n - 1.0 for j, n, refused in self._failing()}
             # what fails where the map has these keyframes speaks against it too
             failed = sum(failing.get(j, 0.0) for j in {c.j for c in members})
             if said + max(failed, 0.0) > cost_of(members, graph, alone.costs):
@@ -147,8 +147,10 @@ class LoopSearch:
     def doubled(self) -> tuple[Contradiction, ...]:
         """Return the matches that fail where a map shows places twice; none where most do not for some way."""
         excess, most, run, longest = 0.0, 0.0, list[Closure](), list[Closure]()
-        for _, more, failed in self._failing():
-            excess += more
+        for _, n, refused in self._failing():
+            # in alike or round rooms they fail on a right map too, and count for neither
+            failed = [c for c in refused if self._is_seen_through(c.i, c.j)]
+            excess += (len(failed) + len(refused) - n) / n
             excess, run = (excess, run + failed) if excess > 0.0 else (0.0, [])
             most, longest = (excess, run) if excess > most else (most, longest)
         if most < _N_DOUBLED:
@@ -156,16 +158,21 @@ class LoopSearch:
         ends, poses = np.array([(c.i, c.j) for c in longest]), self._map.graph.poses
         return (Contradiction(place=poses[ends[:, 1], :2].mean(axis=0), pairs=self._map.keyframes.numbers[ends]),)
 
-    def _failing(self) -> Iterator[tuple[int, float, list[Closure]]]:
-        """Yield keyframes that the map shows again, the share that fails less that which does not, and what fails."""
+    def _failing(self) -> Iterator[tuple[int, int, list[Closure]]]:
+        """Yield keyframes that the map shows again, the number of their matches there, and those that fail."""
         poses = self._map.graph.poses
         for j, tried in groupby(sorted(self._latest(), key=lambda c: (c.j, c.i)), key=lambda c: c.j):
             of = {c.i: c for c in tried}
             rows = np.array([*of])
             seen = [of[c.i] for c in self._overlapping(j, rows, se2.between(poses[rows], poses[j]))]
-            failed = [c for c in seen if is_refused(c, poses, self.config)]
             if seen:
-                yield j, 2.0 * len(failed) / len(seen) - 1.0, failed
+                yield j, len(seen), [c for c in seen if is_refused(c, poses, self.config)]
+
+    def _is_seen_through(self, i: int, j: int) -> bool:
+        """Return whether of two keyframes, where the map has them, one sees through what the other one sees."""
+        keyframes, poses = self._map.keyframes, self._map.graph.poses
+        n = n_through(keyframes[i].scan, keyframes[j].scan, se2.between(poses[[i]], poses[[j]]))
+        return bool(n[0] > _THROUGH * min(np.count_nonzero(keyframes[k].scan.valid) for k in (i, j)))
 
     def _tied(self) -> set[tuple[int, int]]:
         """Return the keyframes, by row, that have an edge."""

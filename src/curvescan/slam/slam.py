@@ -147,19 +147,16 @@ class Slam:
     def _make_keyframe(self, scan: LaserScan, step: Step, seen: UncertainPose) -> UncertainPose:
         if self.config.odometry.deskew:
             scan = self._deskewer.deskewed(scan, step.motion)
-        k = self._map.append(scan, step.index, seen)
-        self._search.enqueue(k)
-        return self._hang_on(k, step, seen)
+        return self._hang_on(self._map.append(scan, step.index, seen), step, seen)
 
     def _begin_fragment(self, scan: LaserScan, step: Step, pose: Pose) -> UncertainPose:
         """Begin, or begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
         self._adopt()
-        k = self._map.start(scan, step.index, pose)
-        self._search.enqueue(k)
-        return self._hang_on(k, step, None)
+        return self._hang_on(self._map.start(scan, step.index, pose), step, None)
 
     def _hang_on(self, k: int, step: Step, way: UncertainPose | None) -> UncertainPose:
-        """Let scans hang on keyframe k, made of the scan of a step, and return the step seen from it."""
+        """Let scans hang on keyframe k, made of the scan of a step, look for it, and return the step seen from it."""
+        self._search.enqueue(k)
         n_lost = self._n_unsettled if step.outcome is StepOutcome.LOST else 0
         self._records.begin(self.keyframes[k].number, None if way is None else way.pose, n_lost)
         self._origin, self._n_most_lost, self._n_unsettled = step, 0, 0
