@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan import se2
+from curvescan.diagnostics.floor import Floor, find_lines, moves_along
 from curvescan.diagnostics.motion_prior import Gyroscope, judge_gyroscope
 from curvescan.diagnostics.rotation_direction import RotationDirection, odometry_lag
 from curvescan.diagnostics.sensor import BeamOrder, SensorJudgement, judge_sensor
 from curvescan.diagnostics.statistics import EmptyBeams, FixedBeams, LogStatistics
-from curvescan.diagnostics.top_of_range import Ring, is_of_walls
+from curvescan.diagnostics.top_of_range import BIN, Ring, TopOfRange, is_of_walls
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.files.lines import ReadError
 from curvescan.io.log import Log, ScanAccess
@@ -106,6 +107,7 @@ class LogReport:
     # several codes for *no reading*
     code_band: tuple[float, float, float] | None
     ring: Ring | None  # readings that stay at one range in all directions; None without
+    floor: Floor | None  # readings of the floor, which a tilted laser sees; None without
     odometry: OdometrySummary | None  # None when the log has none
     # pose x, y, theta of the laser on the robot, metres, metres, radians; None where the log does not give it
     mount: tuple[float, float, float] | None
@@ -157,9 +159,8 @@ def inspect_log(
     for (n, *_), n_scans in sorted(statistics.layouts.items()):
         beam_counts[n] = beam_counts.get(n, 0) + n_scans
     odometry, sensor = log.odometry, sensor or judge_sensor(log)
-    code_band = statistics.top_of_range.code_band()
-    code_band = None if code_band is None or is_of_walls(log, code_band[:2]) else code_band
-    ring = None if code_band else statistics.top_of_range.ring()  # else it is the same codes
+    angles = angle_min + step * np.arange(n_beams, dtype=np.float64)
+    code_band, ring, floor = _turning_along(log, statistics.top_of_range, angles)
     return LogReport(
         name=log.name,
         format=log.format,
@@ -185,7 +186,8 @@ def inspect_log(
         codes=_codes(statistics),
         suspect=_suspect(statistics),
         code_band=code_band,
-        ring=None if ring is None or is_of_walls(log, ring[:2]) else ring,
+        ring=ring,
+        floor=floor,
         odometry=None if odometry is None else _summarise_odometry(odometry, odometry_lag(log, odometry.poses[:, 2])),
         mount=_mount(log, odometry),
         is_upside_down=isinstance(log, ScanAccess) and log.hangs_upside_down(),
@@ -196,6 +198,20 @@ def inspect_log(
         read_errors=log.read_errors,
         notes=log.notes,
     )
+
+
+def _turning_along(
+    log: Log, top: TopOfRange, angles: Floats
+) -> tuple[tuple[float, float, float] | None, Ring | None, Floor | None]:
+    """Return what turns with the sensor, one at most: codes at the top of the range, a ring, or the floor."""
+    code_band = top.code_band()
+    if code_band is not None and not is_of_walls(log, code_band[:2]):
+        return code_band, None, None
+    ring = top.ring()
+    if ring is not None and not is_of_walls(log, ring[:2]):
+        return None, ring, None
+    lines = find_lines(top.counts[:, : len(angles)], BIN, angles)
+    return None, None, next((line for line in lines if moves_along(log, line)), None)
 
 
 def _gyroscope(log: Log, sense: RotationDirection | None) -> Gyroscope | None:

@@ -100,6 +100,7 @@ _TESTS: dict[str, Callable[[LogReport], bool]] = {
     "undeclared_code": lambda r: r.suspect is not None and r.code_band is None,
     "undeclared_codes": lambda r: r.code_band is not None,
     "ring": lambda r: r.ring is not None,
+    "floor": lambda r: r.floor is not None,
     "no_odometry": lambda r: r.odometry is None,
     "odometry_gaps": lambda r: r.odometry is not None and r.odometry.n_missing > 0,
     "odometry_lag": lambda r: r.odometry is not None and r.odometry.lag != 0.0,
@@ -143,6 +144,7 @@ _FIGURES: dict[str, Figure] = {
     "bias_deg": lambda r: math.degrees(r.gyroscope.bias),
     "range_limit": _range_limit,
     "loose": lambda r: " that are of no surface" * r.ring.is_loose,
+    "floor_deg": lambda r: math.degrees(r.floor.direction),
     "lag": lambda r: abs(r.odometry.lag),
     "late": lambda r: "late" if r.odometry.lag > 0.0 else "early",
 }

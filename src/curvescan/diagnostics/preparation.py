@@ -18,7 +18,7 @@ from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
 
 # kinds of issues whose mending leaves readings out
-_DROPS = ("stale_beams", "undeclared_codes", "ring", "fixed_beams", "empty_beams")
+_DROPS = ("stale_beams", "undeclared_codes", "ring", "floor", "fixed_beams", "empty_beams")
 _JUDGED_AT = (100, 1000)  # scans after which a running laser is judged
 
 
@@ -101,9 +101,9 @@ def _without(log: Log, faults: list[Issue], report: LogReport) -> Log:
 
 
 def _filters(kinds: Collection[str], report: LogReport) -> list[Callable[[LaserScan], LaserScan]]:
-    """Return what leaves out the readings of a ring, of beams that see the robot, and beams that are not fired."""
-    found = (("ring", report.ring), ("fixed_beams", report.fixed_beams), ("empty_beams", report.empty_beams))
-    return [one.without for kind, one in found if one is not None and kind in kinds]
+    """Return what leaves out readings of a ring, the floor and beams that see the robot, and beams that do not fire."""
+    found = {name: getattr(report, name) for name in ("ring", "floor", "fixed_beams", "empty_beams")}
+    return [one.without for kind, one in found.items() if one is not None and kind in kinds]
 
 
 def _filtered(scan: LaserScan, filters: Iterable[Callable[[LaserScan], LaserScan]]) -> LaserScan:

@@ -16,7 +16,7 @@ from curvescan.io.log import Log
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Floats, Ints
 
-_BIN = 0.05  # width of the bins in which readings are counted, metres
+BIN = 0.05  # width of the bins in which readings are counted, metres
 _N_BINS = 2048  # readings beyond the last bin, 102 m, are not counted: no common 2D laser reaches farther
 _BAND = 0.01  # share of the largest reading that is its band: a code is rounded, not noisy
 _BELOW = 0.10  # share of the largest reading down to which the band is compared with what lies below it
@@ -53,23 +53,23 @@ class TopOfRange:
     """Counts readings by distance and beam, in memory that does not grow with the log."""
 
     def __init__(self) -> None:
-        self._counts, self._loose = np.zeros((2, _N_BINS, 0), dtype=np.int32)
+        self.counts, self._loose = np.zeros((2, _N_BINS, 0), dtype=np.int32)  # (m, n): by range and by beam
         self._n_scans = 0
 
     def add(self, scan: LaserScan) -> None:
         """Count the valid readings of one scan."""
         self._n_scans += 1
-        n_more = len(scan) - self._counts.shape[1]
+        n_more = len(scan) - self.counts.shape[1]
         if n_more > 0:
-            self._counts, self._loose = (np.pad(c, ((0, 0), (0, n_more))) for c in (self._counts, self._loose))
-        beams = np.flatnonzero(scan.valid & (scan.ranges < _BIN * _N_BINS))
-        bins = (scan.ranges[beams] / _BIN).astype(np.int64)
-        self._counts[bins, beams] += 1
+            self.counts, self._loose = (np.pad(c, ((0, 0), (0, n_more))) for c in (self.counts, self._loose))
+        beams = np.flatnonzero(scan.valid & (scan.ranges < BIN * _N_BINS))
+        bins = (scan.ranges[beams] / BIN).astype(np.int64)
+        self.counts[bins, beams] += 1
         self._loose[bins, beams] += _is_loose(scan)[beams]
 
     def code_band(self) -> tuple[float, float, float] | None:
         """Return the band at the top of the range that looks like codes for no reading; None without."""
-        counts = self._counts.sum(axis=1, dtype=np.int64)
+        counts = self.counts.sum(axis=1, dtype=np.int64)
         total = int(counts.sum())
         if not total:
             return None
@@ -78,23 +78,23 @@ class TopOfRange:
         band = slice(max(int((1.0 - _BAND) * top) - 1, 0), top + 1)
         below = slice(int((1.0 - _BELOW) * top), band.start)
         n_band, n_below = int(counts[band].sum()), int(counts[below].sum())
-        n_beams = self._counts.shape[1]
-        seen_by = int(np.count_nonzero(self._counts[band].any(axis=0)))
+        n_beams = self.counts.shape[1]
+        seen_by = int(np.count_nonzero(self.counts[band].any(axis=0)))
         if n_band < _MIN_SHARE * total or n_band <= n_below or seen_by < _MIN_BEAMS * n_beams:
             return None
         filled: Floats = np.flatnonzero(counts[band]).astype(np.float64) + band.start
-        return float(filled[0]) * _BIN, float(filled[-1] + 1.0) * _BIN, n_band / total
+        return float(filled[0]) * BIN, float(filled[-1] + 1.0) * BIN, n_band / total
 
     def ring(self) -> Ring | None:
         """Return the readings that stay at one range in all directions; None without."""
-        total = int(self._counts.sum())
-        for counts, widths in ((self._counts, _WIDTHS), (self._loose, _LOOSE_WIDTHS)):
+        total = int(self.counts.sum())
+        for counts, widths in ((self.counts, _WIDTHS), (self._loose, _LOOSE_WIDTHS)):
             low, n = _densest(counts, widths, total)
             n_inside = int(counts[low : low + n].sum())
             # a wall's readings may be loose by noise: of a code, so are most
-            if n and self._n_scans >= _MIN_SCANS and _LOOSE_IN * n_inside >= int(self._counts[low : low + n].sum()):
+            if n and self._n_scans >= _MIN_SCANS and _LOOSE_IN * n_inside >= int(self.counts[low : low + n].sum()):
                 # what is rounded lies on the edge of a bin
-                return Ring((low - 0.5) * _BIN, (low + n + 0.5) * _BIN, n_inside / total, counts is self._loose)
+                return Ring((low - 0.5) * BIN, (low + n + 0.5) * BIN, n_inside / total, counts is self._loose)
         return None
 
 
@@ -149,7 +149,7 @@ def _is_loose(scan: LaserScan) -> Bools:
     ranges = np.where(scan.valid, scan.ranges, np.inf)
     nearer = np.minimum(ranges[1:], ranges[:-1])
     with np.errstate(invalid="ignore"):
-        joins = np.abs(ranges[1:] - ranges[:-1]) <= _BIN + nearer * abs(scan.angle_increment)
+        joins = np.abs(ranges[1:] - ranges[:-1]) <= BIN + nearer * abs(scan.angle_increment)
     pieces = np.concatenate([[0], np.cumsum(~joins)])
     loose: Bools = np.bincount(pieces)[pieces] < _N_SURFACE
     return loose
