@@ -34,8 +34,8 @@ _SIGMAS = 5.0  # standard deviations that a keyframe may lie from where the grap
 _MIN_SIMILARITY = 0.8  # least similarity by the place index of keyframes of a vague relative pose
 _N_LOGGED = 50_000  # pairs of keyframes whose match is kept, the latest
 _FARTHEST = 6.0  # keyframes of a known relative pose are matched up to here, metres: opposite views share least nearby
-_N_DOUBLED = 8  # keyframes in a row that mostly fail, less those that mostly match: 5 on good maps, 8 on torn ones
-_THROUGH = 0.05  # share of their readings that views of different places see through, at least
+_N_DOUBLED = 8  # keyframes in a row that mostly fail, less those that mostly match: 2 on good maps, 8 on torn ones
+_THROUGH = 0.1  # share of their readings that views of different places see through, at least
 
 _N_CERTAIN, _N_UNCERTAIN, _N_BESIDE = 5, 6, 2
 """Most keyframes that one is matched with: of a known relative pose, of an unknown one, beside a closure that waits."""
