@@ -5,7 +5,6 @@ robot follows is such a line too, but where the robot turns, the wall does not t
 """
 
 import math
-from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
@@ -30,10 +29,10 @@ _TIMES = 2.5  # how much denser the band is than what lies before it
 _MIN_SHARE = 0.002  # least share of all readings in the band: fewer hold no odometry
 _BEYOND = 0.05  # readings beyond the line for one in the band, at most
 _MIN_ARC = 8  # neighbouring readings that tell how the line runs
-_SECONDS, _N_HELD = 0.3, 12  # time in which the robot turns, and scans at most
+_SECONDS = 0.25  # between scans that are compared, at least
 _TURNS = np.radians((4.0, 20.0))  # that tell: after more, another wall is where one was
-_MIN_TURNS, _N_TURNS = 10, 60  # turns that tell, at least and at most
-_KEPT = 0.6  # least share of them with which the line turns
+_MIN_TURNS, _N_TURNS = 10, 30  # turns that tell, at least and at most
+_KEPT = 0.7  # least share of them with which the line turns
 
 
 class Floor(NamedTuple):
@@ -99,22 +98,22 @@ def _densest(ranges: Floats, angles: Floats, n: Floats, direction: float) -> tup
 
 def moves_along(scans: Iterable[LaserScan], floor: Floor) -> bool:
     """Return whether a line stays where it is in the sensor frame while the sensor turns: a wall would turn."""
-    held: deque[tuple[LaserScan, float]] = deque(maxlen=_N_HELD)
+    before: tuple[LaserScan, float] | None = None
     n_turns = n_kept = 0
     for scan in scans:
         if n_turns == _N_TURNS:
             break
-        held.append((scan, _direction(scan, floor)))
-        while len(held) > 2 and scan.stamp - held[1][0].stamp > _SECONDS:
-            held.popleft()
-        (earlier, before), (later, after) = held[0], held[-1]
-        if math.isfinite(before + after):
-            views = floor.without(earlier), floor.without(later)
+        if before is not None and 0.0 < scan.stamp - before[0].stamp < _SECONDS:
+            continue
+        now = (scan, _direction(scan, floor))
+        if before is not None and math.isfinite(before[1] + now[1]):
+            views = floor.without(before[0]), floor.without(scan)
             # what seems to turn may be a wall that comes nearer
             turn = abs(float(match(*views).pose[2])) if abs(turn_between(*views)) >= _TURNS[0] else 0.0
             if _TURNS[0] <= turn <= _TURNS[1]:
                 n_turns += 1
-                n_kept += bool(abs(se2.wrap(after - before)) < 0.5 * turn)
+                n_kept += bool(abs(se2.wrap(now[1] - before[1])) < 0.5 * turn)
+        before = now
     return n_turns >= _MIN_TURNS and n_kept >= _KEPT * n_turns
 
 
