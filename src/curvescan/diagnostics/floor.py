@@ -29,7 +29,7 @@ _TIMES = 2.5  # how much denser the band is than what lies before it
 _MIN_SHARE = 0.002  # least share of all readings in the band: fewer hold no odometry
 _BEYOND = 0.05  # readings beyond the line for one in the band, at most
 _MIN_ARC = 8  # neighbouring readings that tell how the line runs
-_SECONDS = 0.15  # between scans that are compared, at least
+_SECONDS = (0.15, 0.6)  # between scans that are compared
 _TURNS = np.radians((4.0, 20.0))  # that tell: after more, another wall is where one was
 _MIN_TURNS, _N_TURNS = 10, 30  # turns that tell, at least and at most
 _KEPT = 0.7  # least share of them with which the line turns
@@ -98,22 +98,24 @@ def _densest(ranges: Floats, angles: Floats, n: Floats, direction: float) -> tup
 
 def moves_along(scans: Iterable[LaserScan], floor: Floor) -> bool:
     """Return whether a line stays where it is in the sensor frame while the sensor turns: a wall would turn."""
-    before: tuple[LaserScan, float] | None = None
+    earlier, before = None, math.nan  # the scan that later ones are compared with, and the direction of the line in it
     n_turns = n_kept = 0
     for scan in scans:
         if n_turns == _N_TURNS:
             break
-        if before is not None and 0.0 < scan.stamp - before[0].stamp < _SECONDS:
+        seconds = math.inf if earlier is None else scan.stamp - earlier.stamp
+        if 0.0 < seconds < _SECONDS[0]:
             continue
-        now = (scan, _direction(scan, floor))
-        if before is not None and math.isfinite(before[1] + now[1]):
-            views = floor.without(before[0]), floor.without(scan)
+        after, turn = _direction(scan, floor), math.nan
+        if earlier is not None and math.isfinite(before + after):
+            views = floor.without(earlier), floor.without(scan)
             # what seems to turn may be a wall that comes nearer
             turn = abs(float(match(*views).pose[2])) if abs(turn_between(*views)) >= _TURNS[0] else 0.0
             if _TURNS[0] <= turn <= _TURNS[1]:
                 n_turns += 1
-                n_kept += bool(abs(se2.wrap(now[1] - before[1])) < 0.5 * turn)
-        before = now
+                n_kept += bool(abs(se2.wrap(after - before)) < 0.5 * turn)
+        if not (turn < _TURNS[0] and 0.0 < seconds < _SECONDS[1]):
+            earlier, before = scan, after
     return n_turns >= _MIN_TURNS and n_kept >= _KEPT * n_turns
 
 
