@@ -26,8 +26,8 @@ RING = World(
 
 
 def lap(radius=0.6):
-    """Return (n, 3) poses once around the ring, 5 cm or 3 degrees apart, counter-clockwise."""
-    side, straight = 8.0 - 0.5 * WIDTH, np.arange(-8.0 + 0.5 * WIDTH + radius, 8.0 - 0.5 * WIDTH - radius, 0.05)
+    """Return (n, 3) poses once around the ring, 8 cm or 3 degrees apart, counter-clockwise."""
+    side, straight = 8.0 - 0.5 * WIDTH, np.arange(-8.0 + 0.5 * WIDTH + radius, 8.0 - 0.5 * WIDTH - radius, 0.08)
     turn = np.radians(np.arange(0.0, 90.0, 3.0))
     legs = []
     for corner in range(4):
