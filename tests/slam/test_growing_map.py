@@ -48,6 +48,14 @@ def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() 
     assert graph.edge_covariances[-1, 0, 0] == pytest.approx(graph.edge_covariances[0, 0, 0], rel=1e-6)
 
 
+def test_where_wheels_drive_along_a_motion_may_slip_less() -> None:
+    """After 10 m of a bare corridor a step of half a metre may have slipped by 0.05 or 0.03 of both together."""
+    step, noise = UncertainPose(np.array([0.5, 0.0, 0.0]), np.zeros((3, 3))), SlamConfig().noise
+    alone, driven = (noise.slipped(step, 10.0, 0, is_driven=on).covariance[0, 0] for on in (False, True))
+    assert alone - noise.floor_m**2 == pytest.approx(0.05**2 * (10.5**2 - 10.0**2))
+    assert driven - noise.floor_m**2 == pytest.approx(0.03**2 * (10.5**2 - 10.0**2))
+
+
 @pytest.mark.parametrize(("off", "least", "most"), [(0.3, 0.15, 0.35), (4.0, 0.0, 0.5)])
 def test_a_motion_is_doubted_as_far_as_it_may_have_slipped(
     scans: list[cs.LaserScan], monkeypatch: pytest.MonkeyPatch, off: float, least: float, most: float

@@ -29,8 +29,7 @@ from curvescan.slam.pose_graph.robust import optimized
 from curvescan.slam.thinning import Removed, thin, with_gone
 from curvescan.types import Bools, Cov, Ints, Pose
 
-_NEARBY = 6.0
-"""Convexity to begin with where the optimum is near that of the last one; else every edge is reconsidered."""
+_NEARBY = 6.0  # convexity to begin with where the optimum is near that of the last one; else every edge is reconsidered
 
 
 def solve(graph: PoseGraph, noise: NoiseConfig, is_last: bool) -> tuple[PoseGraph, Cov]:
@@ -88,7 +87,7 @@ class GrowingMap:
         self._open_way = 0.0
         return k
 
-    def append(self, scan: LaserScan, index: int, motion: UncertainPose) -> int:
+    def append(self, scan: LaserScan, index: int, motion: UncertainPose, *, is_driven: bool = False) -> int:
         """Take the next keyframe, tie it to the one before it, and return its row.
 
         The match of both counts in the directions that it measures, the odometry's motion in the others; where the two
@@ -98,7 +97,8 @@ class GrowingMap:
         before = k - 1
         self.fragments.append(self.fragments[before])
         result, kind = self.keyframes.match(before, self.keyframes.prepared(k), None), EdgeKind.MOTION
-        step = noise.slipped(motion, self._open_way, 0 if result.ok else index - self.keyframes[before].index - 1)
+        n_unseen = 0 if result.ok else index - self.keyframes[before].index - 1
+        step = noise.slipped(motion, self._open_way, n_unseen, is_driven=is_driven)
         self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
         if result.ok:
             found = as_measurement(result)

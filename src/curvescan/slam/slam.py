@@ -147,7 +147,7 @@ class Slam:
     def _make_keyframe(self, scan: LaserScan, step: Step, seen: UncertainPose) -> UncertainPose:
         if self.config.odometry.deskew:
             scan = self._deskewer.deskewed(scan, step.motion)
-        return self._hang_on(self._map.append(scan, step.index, seen), step, seen)
+        return self._hang_on(self._map.append(scan, step.index, seen, is_driven=step.is_driven), step, seen)
 
     def _begin_fragment(self, scan: LaserScan, step: Step, pose: Pose) -> UncertainPose:
         """Begin, or begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""

@@ -22,8 +22,7 @@ from curvescan.slam.pose_graph.posterior import design_effect
 from curvescan.slam.pose_graph.robust import optimized
 from curvescan.types import Floats, Ints, Pose
 
-N_NEAR = 20
-"""Most keyframes between closures that may speak for or against each other."""
+N_NEAR = 20  # most keyframes between closures that may speak for or against each other
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

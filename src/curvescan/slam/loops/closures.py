@@ -24,8 +24,7 @@ from curvescan.types import Bools, Cov, Pose
 _N_NEIGHBOURS = 10
 """Keyframes that follow each other so closely, about 5 m or 5 rad of way, see the same place without a loop."""
 
-MOST_ODDS = math.log(99.0)
-"""Most that one match says for itself: of matches of a confidence of 0.99 one in a hundred is wrong."""
+MOST_ODDS = math.log(99.0)  # that one match says for itself: of those of a confidence of 0.99 one in a hundred is wrong
 
 SLIP: Cov = np.diag([ANYWHERE_M**2, ANYWHERE_M**2, 1.0])
 """(3, 3) covariance of what a way may have slipped and bent without the odometry noticing."""
