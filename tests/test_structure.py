@@ -198,14 +198,14 @@ PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
 """Floats that nobody tunes; neither are those of 1e-6 and smaller, which guard divisions."""
 
 BUDGET: dict[str, tuple[int, int, int]] = {
-    "(ground)": (1621, 31, 0),
+    "(ground)": (1626, 31, 0),
     "benchmarks": (482, 23, 0),
     "cli": (2636, 16, 0),
-    "diagnostics": (2169, 72, 0),
-    "editing": (454, 2, 0),
+    "diagnostics": (2171, 71, 0),
+    "editing": (455, 2, 0),
     "engines": (794, 2, 0),
     "evaluation": (829, 15, 0),
-    "io": (5972, 38, 0),
+    "io": (5967, 38, 0),
     "live": (2804, 41, 0),
     "mapping": (941, 17, 8),
     "matchers": (672, 4, 0),

@@ -209,6 +209,11 @@ class LaserScan:
         return span + 2.5 * step >= 2.0 * math.pi
 
 
+def without_readings(scan: LaserScan, is_left_out: Bools) -> LaserScan:
+    """Return a scan in which some beams, (n,), have no reading; the scan itself where none of them is left out."""
+    return replace(scan, ranges=np.where(is_left_out, np.nan, scan.ranges)) if is_left_out.any() else scan
+
+
 def mirrored(scan: LaserScan) -> LaserScan:
     """Return a scan mirrored about the sensor's x axis: what one that hangs upside down saw, seen from above."""
     return replace(scan, **_directions(scan, -1.0, 1))

@@ -17,11 +17,9 @@ from curvescan.io.arrays.memory import as_log
 from curvescan.simulation import World
 
 WIDTH = 2.4
-RING = World(
-    walls=np.array([[-k, -k, k, -k, k, -k, k, k, k, k, -k, k, -k, k, -k, -k] for k in (8.0, 8.0 - WIDTH)]).reshape(
-        -1, 4
-    )
-)
+CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+SQUARE = np.hstack((CORNERS, np.roll(CORNERS, -1, axis=0)))
+RING = World(walls=np.vstack((8.0 * SQUARE, (8.0 - WIDTH) * SQUARE)))
 """A bare corridor around a block: its walls are all that a robot sees."""
 
 
@@ -39,8 +37,8 @@ def lap(radius=0.6):
     return np.concatenate(legs)
 
 
-def driven(sensor="sick-lms200"):
-    return cs.simulate(RING, sensor=sensor, seed=1, poses=lap(), odometry_noise=None)
+def driven():
+    return cs.simulate(RING, sensor="sick-lms200", seed=1, poses=lap(), odometry_noise=None)
 
 
 def tilted(log, distance, direction=0.0, pitch=0.0):
@@ -57,7 +55,10 @@ def tilted(log, distance, direction=0.0, pitch=0.0):
 
 @pytest.mark.parametrize(("distance", "direction", "pitch"), [(5.0, 0.0, 0.0), (3.0, 0.3, 0.0), (5.0, 0.0, 0.03)])
 def test_the_floor_is_left_out_and_said(distance, direction, pitch):
-    mended = mend(tilted(driven(), distance, direction, pitch), is_order_needed=False)
+    spoilt = tilted(driven(), distance, direction, pitch)
+    mended, floor = mend(spoilt, is_order_needed=False), inspect_log(spoilt).floor
+    assert floor.distance * (1.0 - 0.5 * floor.depth) == pytest.approx(distance, rel=0.05)
+    assert floor.direction == pytest.approx(direction, abs=0.1)
     assert [issue.kind for issue in mended.done] == ["floor"]
     assert f"{distance:.0f}." in mended.done[0].what or f"{distance - 1:.0f}.9" in mended.done[0].what
     assert mended.remarks[0].startswith("ignored: readings of the floor and beyond")

@@ -6,7 +6,6 @@ robot follows is such a line too, but where the robot turns, the wall does not t
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +13,9 @@ from numpy.typing import NDArray
 
 from curvescan import se2
 from curvescan.diagnostics.rotation_direction import turn_between
-from curvescan.diagnostics.top_of_range import runs_of
+from curvescan.diagnostics.top_of_range import nearest_line, runs_of
 from curvescan.matchers import match
-from curvescan.scan import LaserScan
+from curvescan.scan import LaserScan, without_readings
 from curvescan.types import Bools, Floats
 
 _STEP, _FINE_STEP = np.radians((5.0, 0.5))  # directions of the line that are tried, and around the best of them
@@ -51,8 +50,7 @@ class Floor(NamedTuple):
 
     def without(self, scan: LaserScan) -> LaserScan:
         """Return a scan in which they are no readings."""
-        inside = self.reached(scan)
-        return replace(scan, ranges=np.where(inside, np.nan, scan.ranges)) if inside.any() else scan
+        return without_readings(scan, self.reached(scan))
 
 
 def find_lines(counts: NDArray[np.int32], width: float, angles: Floats) -> list[Floor]:
@@ -87,7 +85,7 @@ def _densest(ranges: Floats, angles: Floats, n: Floats, direction: float) -> tup
         low = np.arange(width, len(up_to) - width)
         inside, before = up_to[low + width] - up_to[low], up_to[low] - up_to[low - width]
         distances, depth = _RATIO ** (first + low + width), 1.0 - _RATIO**-width
-        times = inside / (before + 1e-3 * total)
+        times = inside / (before + 0.5 * _MIN_SHARE * total)  # few before are chance
         is_line = (inside > _TIMES * before) & (inside > _MIN_SHARE * total) & (depth * distances > _LEAST_WIDTH)
         is_line &= up_to[-1] - up_to[low + width] < _BEYOND * inside
         k = int(np.argmax(np.where(is_line, times, 0.0))) if len(low) else 0
@@ -126,6 +124,5 @@ def _direction(scan: LaserScan, floor: Floor) -> float:
     a, b = max(ends, key=lambda run: run[1] - run[0], default=(0, 0))
     if b - a < _MIN_ARC:
         return math.nan
-    around = np.column_stack((np.cos(scan.angles[a:b]), np.sin(scan.angles[a:b])))
-    x, y = np.linalg.lstsq(around, 1.0 / scan.ranges[a:b])[0]  # 1 / r = x cos + y sin
+    x, y = nearest_line(scan.angles[a:b], scan.ranges[a:b])
     return math.atan2(y, x)

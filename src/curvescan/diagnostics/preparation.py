@@ -14,7 +14,7 @@ from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.log import HeldLog, Log, LogView, ScanAccess
 from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
-from curvescan.scan import LaserScan
+from curvescan.scan import LaserScan, without_readings
 from curvescan.types import Floats, Pose
 
 # kinds of issues whose mending leaves readings out
@@ -135,7 +135,7 @@ class StreamMender:
         before, self._before = self._before, scan.ranges
         scan = _limited(scan, self._range_max)
         if "stale_beams" in self._done and len(before) == len(scan):
-            scan = replace(scan, ranges=np.where(scan.valid & (scan.ranges == before), np.nan, scan.ranges))
+            scan = without_readings(scan, scan.valid & (scan.ranges == before))
         return _filtered(scan, self._filters)
 
     def _judge(self) -> None:

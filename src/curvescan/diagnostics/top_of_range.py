@@ -5,7 +5,6 @@ readings they become arcs in the map, and hold the odometry back, as they move a
 is seen at many distances as the sensor moves; a code stays where it is and comes from beams all around.
 """
 
-from dataclasses import replace
 from itertools import islice
 from typing import NamedTuple
 
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from curvescan.io.log import Log
-from curvescan.scan import LaserScan
+from curvescan.scan import LaserScan, without_readings
 from curvescan.types import Bools, Floats, Ints
 
 BIN = 0.05  # width of the bins in which readings are counted, metres
@@ -46,7 +45,7 @@ class Ring(NamedTuple):
         inside = scan.valid & (scan.ranges >= self.low) & (scan.ranges <= self.high)
         if self.is_loose and inside.any():
             inside &= _is_loose(scan)
-        return replace(scan, ranges=np.where(inside, np.nan, scan.ranges)) if inside.any() else scan
+        return without_readings(scan, inside)
 
 
 class TopOfRange:
@@ -103,6 +102,12 @@ def runs_of(mask: Bools) -> Ints:
     return np.flatnonzero(np.diff(np.pad(mask.astype(np.int8), 1))).reshape(-1, 2)
 
 
+def nearest_line(angles: Floats, ranges: Floats) -> tuple[float, float]:
+    """Return x and y of the line nearest to readings, 1 / range = x cos(angle) + y sin(angle)."""
+    x, y = np.linalg.lstsq(np.column_stack((np.cos(angles), np.sin(angles))), 1.0 / ranges)[0].tolist()
+    return x, y
+
+
 def is_of_walls(log: Log, band: tuple[float, float]) -> bool:
     """Return whether most readings of a band of ranges lie on straight lines rather than on circles about the sensor.
 
@@ -116,9 +121,9 @@ def is_of_walls(log: Log, band: tuple[float, float]) -> bool:
         ends = runs_of(inside)
         for a, b in ends[ends[:, 1] - ends[:, 0] >= _N_ARC[0]].tolist():
             for arc in np.array_split(np.arange(a, b), -((a - b) // _N_ARC[1])):
-                ranges, n = scan.ranges[arc], len(arc)
-                around = np.column_stack((np.cos(scan.angles[arc]), np.sin(scan.angles[arc])))
-                by_line = 1.0 / (around @ np.linalg.lstsq(around, 1.0 / ranges)[0])  # 1 / r = a cos + b sin
+                angles, ranges, n = scan.angles[arc], scan.ranges[arc], len(arc)
+                x, y = nearest_line(angles, ranges)
+                by_line = 1.0 / (x * np.cos(angles) + y * np.sin(angles))
                 of_line, of_circle = np.sum((ranges - by_line) ** 2), np.sum((ranges - ranges.mean()) ** 2)
                 n_straight += n if of_line / (n - 2) < of_circle / (n - 1) else 0
     return 2 * n_straight > n_inside

@@ -13,6 +13,7 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.grid_editing import Box, check_box, overlaid, wall_angle
 from curvescan.mapping.occupancy import OccupancyGrid
+from curvescan.scan import without_readings
 from curvescan.slam.map import SlamMap
 from curvescan.types import Bools, Ints, Points
 
@@ -94,7 +95,7 @@ def _without_readings(slam_map: SlamMap, is_gone: Callable[[Points], Bools]) -> 
     scans = []
     for scan, pose in zip(slam_map.scans, slam_map.poses, strict=True):
         gone = scan.valid & is_gone(se2.transform(pose, scan.points))
-        scans.append(replace(scan, ranges=np.where(gone, np.nan, scan.ranges)) if gone.any() else scan)
+        scans.append(without_readings(scan, gone))
     return remapped(slam_map, scans=tuple(scans))
 
 

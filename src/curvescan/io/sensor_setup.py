@@ -10,7 +10,7 @@ from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Log, LogView, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.scan import LaserScan, mirrored, swept_backwards
+from curvescan.scan import LaserScan, mirrored, swept_backwards, without_readings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,10 +138,5 @@ def fresh(scans: Iterable[LaserScan]) -> Iterator[LaserScan]:
     """Yield scans without the readings that repeat the same beam's of the scan before to the last digit."""
     before = np.empty(0)
     for scan in scans:
-        ranges = scan.ranges
-        if len(before) == len(ranges):
-            is_stale = scan.valid & (ranges == before)
-            if is_stale.any():
-                scan = replace(scan, ranges=np.where(is_stale, np.nan, ranges))
-        before = ranges
-        yield scan
+        same, before = before, scan.ranges
+        yield without_readings(scan, scan.valid & (scan.ranges == same)) if len(same) == len(scan) else scan
