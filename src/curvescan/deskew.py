@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan._jit import kernel
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import three_numbers
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Floats
 
@@ -44,11 +44,7 @@ _LEAP = 100  # a step of more periods than this is a leap of the clock
 
 def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
     """Return a scan as seen from one place, at the middle of its sweep; velocity (3,). Raises InvalidArgumentError."""
-    twist = np.asarray(velocity, dtype=np.float64)
-    if twist.shape != (3,) or not np.isfinite(twist).all():
-        raise InvalidArgumentError(
-            f"velocity must be three finite numbers vx, vy, omega (m/s, m/s, rad/s), got {velocity!r}"
-        )
+    twist = three_numbers(velocity, "velocity must be three finite numbers vx, vy, omega (m/s, m/s, rad/s)")
     n, step = len(scan), abs(scan.angle_increment)
     if n < 2 or scan.time_increment == 0.0:
         return scan

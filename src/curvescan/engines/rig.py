@@ -22,7 +22,7 @@ from curvescan import se2
 from curvescan.configs import counted
 from curvescan.deskew import deskew, middle_of_sweep
 from curvescan.engines.engine import Engine
-from curvescan.errors import InvalidArgumentError, require
+from curvescan.errors import InvalidArgumentError, require, three_numbers
 from curvescan.io import read_log
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.io.files.lines import as_path
@@ -72,12 +72,7 @@ class Rig:
     def __post_init__(self) -> None:
         mounts = {}
         for name, mount in dict(self.mounts).items():
-            rule = f"the mount of {name!r} must be three finite numbers x, y, theta"
-            try:
-                pose = np.array(mount, dtype=np.float64)
-            except (TypeError, ValueError):
-                raise InvalidArgumentError(f"{rule}, got {mount!r}") from None
-            require(pose.shape == (3,) and bool(np.isfinite(pose).all()), rule, mount)
+            pose = three_numbers(mount, f"the mount of {name!r} must be three finite numbers x, y, theta").copy()
             pose.setflags(write=False)
             mounts[name] = pose
         if not mounts:
@@ -112,9 +107,7 @@ class Rig:
         InvalidArgumentError
             When no scan is given, a name is not of this rig, or the velocity is not three finite numbers.
         """
-        twist = np.asarray(velocity, dtype=np.float64)
-        if twist.shape != (3,) or not np.isfinite(twist).all():
-            raise InvalidArgumentError(f"velocity must be three finite numbers vx, vy, omega, got {velocity!r}")
+        twist = three_numbers(velocity, "velocity must be three finite numbers vx, vy, omega (m/s, m/s, rad/s)")
         self._check_names(scans, "scans")
         stamps = {name: scan.stamp + middle_of_sweep(scan) for name, scan in scans.items()}
         stamp = max(stamps.values())

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import InvalidArgumentError, three_numbers
 from curvescan.io.log import Log, LogView, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan, mirrored, swept_backwards, without_readings
@@ -31,18 +31,10 @@ class SensorSetup:
             raise InvalidArgumentError(
                 f"ignore_beams must be two whole numbers >= 0, of beams at the sweep's beginning and end, got {beams}"
             )
-        if self.laser_pose is not None and not _is_pose(self.laser_pose):
-            raise InvalidArgumentError(
-                "laser_pose must be three finite numbers x, y, theta (metres, metres, radians), "
-                f"got {self.laser_pose!r:.80}"
+        if self.laser_pose is not None:
+            three_numbers(
+                self.laser_pose, "laser_pose must be three finite numbers x, y, theta (metres, metres, radians)"
             )
-
-
-def _is_pose(given: Sequence[float]) -> bool:
-    try:
-        return len(given) == 3 and all(map(math.isfinite, given))
-    except TypeError:
-        return False
 
 
 def apply_setup(log: Log, setup: SensorSetup) -> Log:

@@ -7,7 +7,7 @@ from enum import Enum, IntEnum
 import numpy as np
 from numpy.typing import ArrayLike
 
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import InvalidArgumentError, three_numbers
 from curvescan.scan import LaserScan
 from curvescan.se2 import is_positive_definite, wrap
 from curvescan.types import Codes, Cov, Floats, Pose, UncertainPose
@@ -58,13 +58,7 @@ def known_pose(prior: UncertainPose, name: str) -> UncertainPose:
 
 
 def _as_pose(value: ArrayLike, name: str) -> Pose:
-    try:
-        pose = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidArgumentError(f"{name} must be three numbers [x, y, theta]: {error}") from error
-    # plain numbers: three of them take NumPy ten times as long
-    if pose.shape != (3,) or not all(map(math.isfinite, pose.tolist())):
-        raise InvalidArgumentError(f"{name} must be three finite numbers [x, y, theta], got {value!r}")
+    pose = three_numbers(value, f"{name} must be three finite numbers [x, y, theta]")
     if max(map(abs, pose.tolist())) > _MAX:
         raise InvalidArgumentError(
             f"{name} must lie within {_MAX:g} m, its angle within as many radians: leave it out where there is "

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan._version import __version__
-from curvescan.errors import InvalidArgumentError, require
+from curvescan.errors import InvalidArgumentError, require, three_numbers
 from curvescan.evaluation.reference import ReferenceErrors, reference_errors
 from curvescan.evaluation.relations import (
     NEAR,
@@ -32,7 +32,6 @@ from curvescan.plots.evaluation import draw_overlay, draw_reference_errors, draw
 from curvescan.runs.document import Part, ResultTable, write_markdown
 from curvescan.runs.result import Run
 from curvescan.runs.results import write_json
-from curvescan.types import Pose
 
 _WHICH: dict[Which, str] = {
     "near": "near, under {near:g} s apart",
@@ -83,7 +82,7 @@ def evaluate(
         raise InvalidArgumentError("a trajectory is measured against one thing: give either relations= or reference=")
     require(near >= 0.0, "near must be at least 0 s", near)
     require(tolerance >= 0.0, "tolerance must be at least 0 s", tolerance)
-    mount = _as_mount(laser_pose)
+    mount = three_numbers(laser_pose, "laser_pose must be three finite numbers x, y, theta (metres, metres, radians)")
     own = _poses_of(trajectory).trajectory
     names = {"trajectory": _name(trajectory), "measured_against": _name(reference if relations is None else relations)}
     about: dict[str, object] = {**names, "laser_pose_m_m_deg": [*mount[:2].tolist(), math.degrees(mount[2])]}
@@ -101,16 +100,6 @@ def evaluate(
         if folder is not None:
             _save(folder, about, errors, own)
     return errors
-
-
-def _as_mount(laser_pose: ArrayLike) -> Pose:
-    try:
-        mount = np.asarray(laser_pose, dtype=np.float64)
-    except (TypeError, ValueError):
-        mount = np.empty(0)
-    is_pose = mount.shape == (3,) and bool(np.isfinite(mount).all())
-    require(is_pose, "laser_pose must be three finite numbers x, y, theta (metres, metres, radians)", laser_pose)
-    return mount
 
 
 def _poses_of(source: Run | Trajectory | str | os.PathLike[str]) -> PoseFile:
