@@ -234,11 +234,11 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
 def largest_sigma(record: RunRecord, engine: Engine) -> float:
     """Return the greatest standard deviation of a position, metres, the few worst left out; 0 where none is known.
 
-    Of a map it is that of the keyframes, seen from the middle one; 0.3 of what open steps in a row slip is common.
+    Of a map it is that of the keyframes, seen from the middle one; a tenth of what open steps in a row slip is common.
     """
     covariances = record.trajectory.covariances
     if isinstance(engine, Slam) and (graph := engine.graph).n_poses:
-        covariances = covariances_seen_from(graph, graph.n_poses // 2, engine.config.noise, in_row=3 / 10)
+        covariances = covariances_seen_from(graph, graph.n_poses // 2, engine.config.noise, in_row=1 / 10)
     if covariances is None or not len(covariances):
         return 0.0
     variances = covariances[:, 0, 0] + covariances[:, 1, 1]
