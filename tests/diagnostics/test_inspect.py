@@ -241,9 +241,10 @@ def test_scan_without_beams_is_blank() -> None:
 
 def test_repeated_scans() -> None:
     sweep = [1.0, np.nan, 3.0]
-    report = inspect_log(FakeLog([scan(sweep), scan(sweep), scan([1.0, np.nan, 2.0]), scan(sweep)]))
-    assert report.n_repeated_scans == 1
-    assert sentences(report, "scans")[0].startswith("1 of 4 scans repeat exactly")
+    blank = [scan([np.nan] * 3)] * 2
+    report = inspect_log(FakeLog([scan(sweep), scan(sweep), scan([1.0, np.nan, 2.0]), *blank, scan(sweep)]))
+    assert (report.n_blank_scans, report.n_repeated_scans) == (2, 1)
+    assert sentences(report, "scans")[0].startswith("1 of 6 scans repeat exactly")
 
 
 # ---- a code for no reading that nobody declared

@@ -38,11 +38,30 @@ def drive(scale=1.0, turn=1.0, n=80, fov=math.pi):
     k = np.arange(n)
     poses = np.column_stack([1.2 * np.cos(0.06 * k), 0.8 * np.sin(0.06 * k), 0.06 * k])
     scans = [room_scan(pose, sigma=0.005, seed=i, stamp=0.1 * i, fov=fov) for i, pose in enumerate(poses)]
-    steps = cs.se2.between(poses[:-1], poses[1:]) * [scale, scale, turn]
+    return with_wheels(scans, poses, scale, turn)
+
+
+def drive_between_walls(turn=1.0, n=120, reach=3.5):
+    """Return a log of a robot that winds along between two walls without an end, seen a few metres far."""
+    headings = 0.3 * np.sin(0.25 * np.arange(n))
+    poses = np.column_stack([*np.cumsum(0.1 * np.vstack([np.cos(headings), np.sin(headings)]), axis=1), headings])
+    angles = np.radians(np.arange(-180.0, 180.0))
+    rng, scans = np.random.default_rng(0), []
+    for k, (_, y, heading) in enumerate(poses):
+        across = np.sin(angles + heading + 1e-9)
+        ranges = (np.sign(across) - y) / across + 0.005 * rng.standard_normal(angles.size)
+        seen = np.where(ranges < reach, ranges, np.inf)
+        layout = {"angle_min": -math.pi, "angle_increment": math.radians(1.0), "range_max": reach}
+        scans.append(cs.LaserScan(seen, stamp=0.1 * k, **layout))
+    return with_wheels(scans, poses, 1.0, turn)
+
+
+def with_wheels(scans, poses, scale, turn):
+    """Return a log with wheels that err by these factors."""
     wheels = [np.zeros(3)]
-    for step in steps:
+    for step in cs.se2.between(poses[:-1], poses[1:]) * [scale, scale, turn]:
         wheels.append(cs.se2.compose(wheels[-1], step))
-    return FakeLog(scans, odometry=Trajectory(stamps=0.1 * k, poses=np.array(wheels)))
+    return FakeLog(scans, odometry=Trajectory(stamps=0.1 * np.arange(len(poses)), poses=np.array(wheels)))
 
 
 def test_wheels_that_agree_are_used_as_they_are():
@@ -59,6 +78,14 @@ def test_wheels_are_compared_where_a_room_looks_alike_after_half_a_turn():
     assert all(found.confidence < 0.9 for found in (cs.match(log[k], log[k + 6]) for k in range(0, 70, 10)))
     assert prior_of(log).poses is log.odometry.poses
     assert prior_of(drive(3.0, fov=math.radians(359.0))).poses is None
+
+
+@pytest.mark.parametrize(("turn", "is_used"), [(1.0, True), (3.0, False)])
+def test_wheels_are_compared_with_what_scans_show_where_they_show_no_motion_whole(turn, is_used):
+    log = drive_between_walls(turn)
+    prior = prior_of(log)
+    assert (prior.poses is not None) == is_used, prior.sentence
+    assert "the wheel odometry of the log, which agrees with what the scans show of" in prior.sentence
 
 
 @pytest.mark.parametrize(("scale", "turn"), [(3.0, 1.0), (0.1, 1.0), (1.0, 2.5)])

@@ -19,7 +19,7 @@ from curvescan.io.log import Log, ScanAccess
 from curvescan.matchers import match
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.types import Floats, Pose
+from curvescan.types import Cov, Floats, Pose
 
 _N_MOTIONS = 150
 _SHORTEST, _LONGEST, _MAX_TURN = 0.1, 0.5, 0.5
@@ -37,20 +37,30 @@ _AGREEING = 0.6  # share of the sure matches that agree with wheels that are use
 
 
 def compare_motion(log: Log, poses: Pose) -> tuple[bool, str]:
-    """Return whether (n, 3) poses by wheels, or by a gyroscope (x, y NaN), agree with matched scans, and a sentence."""
-    n_sure = n_agreeing = 0
+    """Return whether (n, 3) poses by wheels, or by a gyroscope (x, y NaN), agree with matched scans, and a sentence.
+
+    Where scans show few motions whole, as along bare walls, what they show of them counts: wheels help most there.
+    """
+    whole, partly = list[bool](), list[bool]()
     for i, j in _motions(poses[: len(log)]):
-        if (seen := sure_motion(log[i], log[j])) is None:
-            continue
-        n_sure += 1
-        measured = se2.between(poses[i], poses[j])
-        off = seen - measured
-        # no comparison with the NaN of a gyroscope holds
-        is_far = math.hypot(off[0], off[1]) > _OFF + _OFF_SHARE * math.hypot(measured[0], measured[1])
-        n_agreeing += not is_far and abs(se2.wrap(off[2])) <= _OFF_RAD + _OFF_SHARE * abs(measured[2])
-    if n_sure < _N_SURE_MOTIONS:
+        found = match(log[i], log[j], prior=_SHORT)
+        if found.ok and found.confidence > _SURE:
+            agreeing = whole if found.degenerate_direction is None else partly
+            agreeing.append(_agrees(found.pose, found.covariance, se2.between(poses[i], poses[j])))
+    compared, what = (whole, "the scans in") if len(whole) >= _N_SURE_MOTIONS else (partly, "what the scans show of")
+    if len(compared) < _N_SURE_MOTIONS:
         return False, "cannot be compared with the scans: too few motions are matched surely"
-    return n_agreeing >= _AGREEING * n_sure, f"agrees with the scans in {n_agreeing} of {n_sure} motions"
+    n_agreeing = sum(compared)
+    return n_agreeing >= _AGREEING * len(compared), f"agrees with {what} {n_agreeing} of {len(compared)} motions"
+
+
+def _agrees(seen: Pose, covariance: Cov, measured: Pose) -> bool:
+    """Return whether a (3,) motion by a match differs no more from one measured than that may slip, NaN by nothing."""
+    off = np.nan_to_num(seen - measured)
+    off[2] = se2.wrap(off[2])
+    metres = _OFF + _OFF_SHARE * float(np.nan_to_num(math.hypot(measured[0], measured[1])))
+    radians = _OFF_RAD + _OFF_SHARE * abs(float(measured[2]))
+    return float(off @ np.linalg.solve(covariance + np.diag([metres, metres, radians]) ** 2, off)) <= 1.0
 
 
 def sure_motion(earlier: LaserScan, later: LaserScan) -> Pose | None:

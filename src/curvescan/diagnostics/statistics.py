@@ -226,7 +226,7 @@ class LogStatistics:
             self._add_codes(scan.ranges[~valid])
         previous, self._previous = self._previous, scan.ranges
         if previous is not None and len(scan) and np.array_equal(previous, scan.ranges, equal_nan=True):
-            self.n_repeats += 1
+            self.n_repeats += n_valid > 0
             return  # what it says of the top of the range, and of single beams, has been said
         self.beams.add(scan)
         self.n_fresh_readings += len(scan)
