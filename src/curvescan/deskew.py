@@ -17,9 +17,8 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan._jit import kernel
-from curvescan.errors import three_numbers
 from curvescan.scan import LaserScan
-from curvescan.types import Bools, Floats
+from curvescan.types import Bools, Floats, three_numbers
 
 _FASTEST = 0.5
 """Turn of the sensor from a beam to the next, in angles between beams, from which on it is no velocity of a robot."""
@@ -42,9 +41,14 @@ _TICK = 1e-9  # seconds: a clock that goes by less stands still
 _LEAP = 100  # a step of more periods than this is a leap of the clock
 
 
+def as_twist(velocity: ArrayLike) -> Floats:
+    """Return a velocity vx, vy, omega, (3,). Raises InvalidArgumentError."""
+    return three_numbers(velocity, "velocity must be three finite numbers vx, vy, omega (m/s, m/s, rad/s)")
+
+
 def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
     """Return a scan as seen from one place, at the middle of its sweep; velocity (3,). Raises InvalidArgumentError."""
-    twist = three_numbers(velocity, "velocity must be three finite numbers vx, vy, omega (m/s, m/s, rad/s)")
+    twist = as_twist(velocity)
     n, step = len(scan), abs(scan.angle_increment)
     if n < 2 or scan.time_increment == 0.0:
         return scan

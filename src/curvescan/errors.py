@@ -5,16 +5,6 @@ A *reading* that is NaN, infinite, zero or out of range is data and never an err
 no pose is a result (:class:`curvescan.Outcome`) and never an error.
 """
 
-from __future__ import annotations
-
-import math
-from typing import TYPE_CHECKING
-
-import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
 
 class CurvescanError(Exception):
     """Root of all errors raised on purpose by curvescan."""
@@ -64,14 +54,3 @@ def require(holds: bool, rule: str, value: object) -> None:
     """Raise InvalidArgumentError with the rule and the value that breaks it, unless `holds`."""
     if not holds:
         raise InvalidArgumentError(f"{rule}, got {value!r}")
-
-
-def three_numbers(value: ArrayLike, rule: str) -> NDArray[np.float64]:
-    """Return three finite numbers, (3,), an array as it is; raise InvalidArgumentError with the rule and the value."""
-    try:
-        numbers = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        numbers = np.empty(0)
-    # plain numbers: three of them take NumPy ten times as long
-    require(numbers.shape == (3,) and all(map(math.isfinite, numbers.tolist())), rule, value)
-    return numbers

@@ -1,10 +1,13 @@
 """Type names of the arrays and pose-graph edges that several folders use; docstrings give the shapes."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from curvescan.errors import require
 
 _Record = TypeVar("_Record")
 
@@ -79,3 +82,17 @@ def with_fields(record: _Record, **fields: object) -> _Record:
     made = object.__new__(type(record))
     made.__dict__.update(record.__dict__, **fields)
     return made
+
+
+def three_numbers(value: ArrayLike, rule: str) -> Floats:
+    """Return three finite numbers, (3,), an array as it is; raise InvalidArgumentError with the rule and the value."""
+    numbers: Floats = np.empty(0)
+    try:
+        given = np.asarray(value)
+        if given.dtype.kind not in "SU":  # text is no number
+            numbers = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        pass
+    # plain numbers: three of them take NumPy ten times as long
+    require(numbers.shape == (3,) and all(map(math.isfinite, numbers.tolist())), rule, value)
+    return numbers

@@ -46,12 +46,12 @@ def drive_between_walls(turn=1.0, n=120, reach=3.5):
     headings = 0.3 * np.sin(0.25 * np.arange(n))
     poses = np.column_stack([*np.cumsum(0.1 * np.vstack([np.cos(headings), np.sin(headings)]), axis=1), headings])
     angles = np.radians(np.arange(-180.0, 180.0))
+    layout = {"angle_min": -math.pi, "angle_increment": math.radians(1.0), "range_max": reach}
     rng, scans = np.random.default_rng(0), []
     for k, (_, y, heading) in enumerate(poses):
         across = np.sin(angles + heading + 1e-9)
         ranges = (np.sign(across) - y) / across + 0.005 * rng.standard_normal(angles.size)
         seen = np.where(ranges < reach, ranges, np.inf)
-        layout = {"angle_min": -math.pi, "angle_increment": math.radians(1.0), "range_max": reach}
         scans.append(cs.LaserScan(seen, stamp=0.1 * k, **layout))
     return with_wheels(scans, poses, 1.0, turn)
 

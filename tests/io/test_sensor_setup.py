@@ -183,6 +183,7 @@ def test_a_simulated_log_may_be_set_up_too():
         ({"ignore_beams": 5}, "two whole numbers >= 0.*got 5"),
         ({"laser_pose": 5}, "three finite numbers.*got 5"),
         ({"laser_pose": ("a", 0.0, 0.0)}, "three finite numbers"),
+        ({"laser_pose": ("1", 0.0, 0.0)}, "three finite numbers"),
     ],
 )
 def test_wrong_set_ups_are_named(setup, message):

@@ -16,10 +16,10 @@ from curvescan.deskew import deskew
 from curvescan.diagnostics.rotation_direction import RotationDirection, without_lag
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Log, ScanAccess
-from curvescan.matchers import match
+from curvescan.matchers import MatchResult, match
 from curvescan.scan import LaserScan
-from curvescan.se2.uncertain import UncertainPose
-from curvescan.types import Cov, Floats, Pose
+from curvescan.se2.uncertain import UncertainPose, fuse
+from curvescan.types import Floats, Pose
 
 _N_MOTIONS = 150
 _SHORTEST, _LONGEST, _MAX_TURN = 0.1, 0.5, 0.5
@@ -43,10 +43,9 @@ def compare_motion(log: Log, poses: Pose) -> tuple[bool, str]:
     """
     whole, partly = list[bool](), list[bool]()
     for i, j in _motions(poses[: len(log)]):
-        found = match(log[i], log[j], prior=_SHORT)
-        if found.ok and found.confidence > _SURE:
+        if (found := _sure_match(log[i], log[j])) is not None:
             agreeing = whole if found.degenerate_direction is None else partly
-            agreeing.append(_agrees(found.pose, found.covariance, se2.between(poses[i], poses[j])))
+            agreeing.append(_agrees(UncertainPose(found.pose, found.covariance), se2.between(poses[i], poses[j])))
     compared, what = (whole, "the scans in") if len(whole) >= _N_SURE_MOTIONS else (partly, "what the scans show of")
     if len(compared) < _N_SURE_MOTIONS:
         return False, "cannot be compared with the scans: too few motions are matched surely"
@@ -54,19 +53,24 @@ def compare_motion(log: Log, poses: Pose) -> tuple[bool, str]:
     return n_agreeing >= _AGREEING * len(compared), f"agrees with {what} {n_agreeing} of {len(compared)} motions"
 
 
-def _agrees(seen: Pose, covariance: Cov, measured: Pose) -> bool:
-    """Return whether a (3,) motion by a match differs no more from one measured than that may slip, NaN by nothing."""
-    off = np.nan_to_num(seen - measured)
-    off[2] = se2.wrap(off[2])
-    metres = _OFF + _OFF_SHARE * float(np.nan_to_num(math.hypot(measured[0], measured[1])))
-    radians = _OFF_RAD + _OFF_SHARE * abs(float(measured[2]))
-    return float(off @ np.linalg.solve(covariance + np.diag([metres, metres, radians]) ** 2, off)) <= 1.0
+def _agrees(seen: UncertainPose, measured: Pose) -> bool:
+    """Return whether a match differs no more from a measured motion, (3,), than that may slip; from NaN by nothing."""
+    x, y, turn = np.nan_to_num(measured).tolist()
+    metres, radians = _OFF + _OFF_SHARE * math.hypot(x, y), _OFF_RAD + _OFF_SHARE * abs(turn)
+    known = np.where(np.isnan(measured), seen.pose, measured)
+    return fuse(seen, UncertainPose(known, np.diag(np.square([metres, metres, radians]))))[1] <= 1.0
 
 
 def sure_motion(earlier: LaserScan, later: LaserScan) -> Pose | None:
     """Return the (3,) motion between two scans by a match that knows it is short; None unless all of it is sure."""
+    found = _sure_match(earlier, later)
+    return None if found is None or found.degenerate_direction is not None else found.pose
+
+
+def _sure_match(earlier: LaserScan, later: LaserScan) -> MatchResult | None:
+    """Return the match of two scans that knows how short the motion is, where it is sure, all of it or in part."""
     found = match(earlier, later, prior=_SHORT)
-    return found.pose if found.ok and found.confidence > _SURE and found.degenerate_direction is None else None
+    return found if found.ok and found.confidence > _SURE else None
 
 
 def _motions(poses: Pose) -> list[tuple[int, int]]:

@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.configs import counted
-from curvescan.deskew import deskew, middle_of_sweep
+from curvescan.deskew import as_twist, deskew, middle_of_sweep
 from curvescan.engines.engine import Engine
-from curvescan.errors import InvalidArgumentError, require, three_numbers
+from curvescan.errors import InvalidArgumentError, require
 from curvescan.io import read_log
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.io.files.lines import as_path
@@ -33,7 +33,7 @@ from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import Step
 from curvescan.scan import LaserScan, as_float
-from curvescan.types import Floats, Points, Pose
+from curvescan.types import Floats, Points, Pose, three_numbers
 
 _HIDDEN = 0.1
 """A reading is hidden where both neighbours are nearer by this share of its range: it was seen past something."""
@@ -107,7 +107,7 @@ class Rig:
         InvalidArgumentError
             When no scan is given, a name is not of this rig, or the velocity is not three finite numbers.
         """
-        twist = three_numbers(velocity, "velocity must be three finite numbers vx, vy, omega (m/s, m/s, rad/s)")
+        twist = as_twist(velocity)
         self._check_names(scans, "scans")
         stamps = {name: scan.stamp + middle_of_sweep(scan) for name, scan in scans.items()}
         stamp = max(stamps.values())

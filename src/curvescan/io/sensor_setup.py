@@ -5,12 +5,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError, three_numbers
+from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Log, LogView, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan, mirrored, swept_backwards, without_readings
+from curvescan.types import Pose, three_numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +34,12 @@ class SensorSetup:
                 f"ignore_beams must be two whole numbers >= 0, of beams at the sweep's beginning and end, got {beams}"
             )
         if self.laser_pose is not None:
-            three_numbers(
-                self.laser_pose, "laser_pose must be three finite numbers x, y, theta (metres, metres, radians)"
-            )
+            as_mount(self.laser_pose)
+
+
+def as_mount(laser_pose: ArrayLike) -> Pose:
+    """Return the pose of a laser on its robot, (3,). Raises InvalidArgumentError."""
+    return three_numbers(laser_pose, "laser_pose must be three finite numbers x, y, theta (metres, metres, radians)")
 
 
 def apply_setup(log: Log, setup: SensorSetup) -> Log:

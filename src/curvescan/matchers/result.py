@@ -7,10 +7,10 @@ from enum import Enum, IntEnum
 import numpy as np
 from numpy.typing import ArrayLike
 
-from curvescan.errors import InvalidArgumentError, three_numbers
+from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
 from curvescan.se2 import is_positive_definite, wrap
-from curvescan.types import Codes, Cov, Floats, Pose, UncertainPose
+from curvescan.types import Codes, Cov, Floats, Pose, UncertainPose, three_numbers
 
 GUESS_SIGMA = (0.3, 0.3, 0.2)  # standard deviations that a bare guess stands for: metres, metres, radians
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan._version import __version__
-from curvescan.errors import InvalidArgumentError, require, three_numbers
+from curvescan.errors import InvalidArgumentError, require
 from curvescan.evaluation.reference import ReferenceErrors, reference_errors
 from curvescan.evaluation.relations import (
     NEAR,
@@ -26,6 +26,7 @@ from curvescan.evaluation.relations import (
 from curvescan.evaluation.trajectory_errors import Spread
 from curvescan.io.files.output import output_folder
 from curvescan.io.reading import PoseFile, read_poses
+from curvescan.io.sensor_setup import as_mount
 from curvescan.io.trajectories.relations import Relations, read_relations
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.plots.evaluation import draw_overlay, draw_reference_errors, draw_relation_errors, draw_relation_places
@@ -82,7 +83,7 @@ def evaluate(
         raise InvalidArgumentError("a trajectory is measured against one thing: give either relations= or reference=")
     require(near >= 0.0, "near must be at least 0 s", near)
     require(tolerance >= 0.0, "tolerance must be at least 0 s", tolerance)
-    mount = three_numbers(laser_pose, "laser_pose must be three finite numbers x, y, theta (metres, metres, radians)")
+    mount = as_mount(laser_pose)
     own = _poses_of(trajectory).trajectory
     names = {"trajectory": _name(trajectory), "measured_against": _name(reference if relations is None else relations)}
     about: dict[str, object] = {**names, "laser_pose_m_m_deg": [*mount[:2].tolist(), math.degrees(mount[2])]}
