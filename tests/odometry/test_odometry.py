@@ -364,6 +364,15 @@ def test_the_motions_chain_to_the_poses_where_nothing_leaps():
         assert np.linalg.eigvalsh(step.motion_covariance).min() >= 0.0
 
 
+def test_the_velocity_is_what_makes_the_motion_in_the_time_of_a_scan():
+    scans, _ = drive(6)
+    odometry = cs.Odometry()
+    steps = [odometry.add(scan) for scan in scans]
+    np.testing.assert_array_equal(steps[0].velocity, 0.0)
+    for step in steps[1:]:
+        np.testing.assert_allclose(cs.se2.exp(0.1 * step.velocity), step.motion, atol=1e-9)
+
+
 def test_stamps_that_jitter_change_nothing():
     scans, _ = in_the_office(5, 30)
     rng = np.random.default_rng(0)

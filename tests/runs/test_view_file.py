@@ -37,5 +37,5 @@ def test_the_scan_of_each_keyframe_is_known():
     first = {}
     for step in steps:
         first.setdefault(step.keyframe, step.index)
-    assert dict(slam.keyframe_scans().tolist()) == first
+    assert dict(slam.records.keyframe_scans().tolist()) == first
     assert len(first) > 2

@@ -12,11 +12,16 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.diagnostics.inspect import are_leaps
-from curvescan.editing.operations import part_of
 from curvescan.engines import RunRecord
 from curvescan.io.log import Log
+from curvescan.matchers import DEFAULT_METHOD, find_matcher
 from curvescan.odometry.step import StepOutcome
-from curvescan.slam import Localizer, Slam
+from curvescan.scan import LaserScan
+from curvescan.slam import Slam
+from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.localization.correlative import contour_length
+from curvescan.slam.localization.field import field_of, fields_of, lasting_points
+from curvescan.slam.localization.search import MapSearch, said
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Bools, Ints, Pose
@@ -63,9 +68,27 @@ def find_untied(record: RunRecord, wheels: Pose, log: Log, slam_map: SlamMap) ->
 
 
 def find_ambiguous(record: RunRecord, slam_map: SlamMap) -> list[Break]:
-    """Return where a track was joined that was lost, or in doubt, in a place like others: views tell no place there."""
-    joins = joins_in_doubt(record)
-    return [Break("ambiguous", k, k, 0.0) for k, n_least in joins if _is_ambiguous(slam_map, k, n_least)]
+    """Return where a track was joined that was lost, or in doubt, in a place like others.
+
+    There nothing seen since matches tied it to what was before tells its place there from others.
+    """
+    views: dict[int, list[int]] = {}
+    for k, n_least in sorted(joins_in_doubt(record)):
+        tied, scans = _tied_since(slam_map, k)
+        rows = np.flatnonzero(scans >= tied.min()).tolist()[:_N_VIEWS] if tied.size else []
+        if len(rows) >= n_least:  # views of fewer keyframes are no reason to doubt
+            views[k] = rows
+    if not views:
+        return []
+    n_known = np.searchsorted(scans, [max(k - _N_SCANS, 0) for k in views], side="right").tolist()
+    keyframes, resolution = Keyframes(find_matcher(DEFAULT_METHOD)), field_of(slam_map).resolution
+    keyframes.add_all(slam_map)
+    found = []
+    for k, n, field in zip(views, n_known, fields_of(slam_map, n_known, resolution), strict=True):
+        search = MapSearch(field, slam_map.poses[:n], keyframes)
+        if not any(_tells(search, slam_map.scans[row], slam_map.poses[row]) for row in views[k]):
+            found.append(Break("ambiguous", k, k, 0.0))
+    return found
 
 
 def joins_in_doubt(record: RunRecord) -> list[tuple[int, int]]:
@@ -105,17 +128,11 @@ def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap) -> bo
     return not _tied_since(slam_map, k)[0].size
 
 
-def _is_ambiguous(slam_map: SlamMap, k: int, n_least: int) -> bool:
-    """Return whether nothing seen since matches tied it to what was before scan k tells its place there from others.
-
-    n_least: views of fewer keyframes are no reason to doubt.
-    """
-    tied, scans = _tied_since(slam_map, k)
-    views = np.flatnonzero(scans >= tied.min()).tolist()[:_N_VIEWS] if tied.size else []
-    if len(views) < n_least:
-        return False
-    localizer = Localizer(part_of(slam_map, np.flatnonzero(scans <= max(k - _N_SCANS, 0))))
-    return not any(localizer.tells(slam_map.scans[row], slam_map.poses[row]) for row in views)
+def _tells(search: MapSearch, scan: LaserScan, pose: Pose) -> bool:
+    """Return whether a scan alone speaks clearly more for a (3,) pose in a map than for any other place."""
+    points = lasting_points(scan)
+    view = said(contour_length(points), search.field.agreement(points, pose))
+    return search.look(scan).is_best(pose, view.by_walls)
 
 
 def _tied_since(slam_map: SlamMap, k: int) -> tuple[Ints, Ints]:

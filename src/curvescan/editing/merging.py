@@ -85,8 +85,7 @@ def laid_on(one: OccupancyGrid, other: OccupancyGrid) -> OccupancyGrid:
 def _matches(one: SlamMap, other: SlamMap) -> tuple[Ints, Pose, Cov, Floats]:
     """Return (k, 2) keyframes of both maps that match without a guess, poses, covariances, and (k,) confidences."""
     known = Keyframes(find_matcher(DEFAULT_METHOD))
-    for k, scan in enumerate(one.scans):
-        known.add(scan, k)
+    known.add_all(one)
     pairs, poses, covariances, confidence = [], [], [], []
     for j in np.unique(np.linspace(0, len(other) - 1, min(_MOST_VIEWS, len(other))).astype(int)).tolist():
         current = known.prepare(other.scans[j])

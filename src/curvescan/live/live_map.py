@@ -16,13 +16,13 @@ from PIL import Image
 import curvescan
 from curvescan import se2
 from curvescan._compilation import watch
+from curvescan.deskew import deskew
 from curvescan.engines.engine import Engine
 from curvescan.errors import MapTooLargeError
 from curvescan.live.tracker import Pace, TrackedScan, Tracker
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.matchers import DEFAULT_METHOD
-from curvescan.odometry.deskewing import Deskewer
 from curvescan.scan import LaserScan
 from curvescan.simulation.driving.pursuit import Drive
 from curvescan.simulation.recording import simulate
@@ -56,8 +56,6 @@ class LiveMap:
     def __init__(self, config: OccupancyConfig | None = None, *, is_revisable: bool = False) -> None:
         self._config, self._is_revisable = config, is_revisable
         self._builder = OccupancyBuilder(config)
-        self._deskewer = Deskewer()
-        self._before: Pose | None = None
         self._mapped: Pose | None = None
         self._kept: dict[tuple[int, int, int], tuple[int, LaserScan, Pose]] = {}  # each with the pose that it had
         self._path, self._path_indices = array("d"), array("q")
@@ -77,9 +75,6 @@ class LiveMap:
         pose = tracked.step.pose
         if np.isnan(pose).any():
             return
-        self._deskewer = self._deskewer.ticked(tracked.scan.stamp, tracked.scan.scan_time)
-        moved = np.zeros(3) if self._before is None else se2.between(self._before, pose)
-        self._before = pose
         if not len(self._path) or _is_far(pose, np.array(self._path[-3:]), self._path_step, 1e9):
             self._path.extend(pose)
             self._path_indices.append(tracked.index)
@@ -91,7 +86,7 @@ class LiveMap:
         if not tracked.step.is_matched and tracked.index > 0:
             return  # a guessed pose must not smear the map
         if self._mapped is None or _is_far(pose, self._mapped, _MOVED, _MOVED):
-            scan = self._deskewer.deskewed(tracked.scan, moved) if tracked.is_deskewed else tracked.scan
+            scan = deskew(tracked.scan, tracked.step.velocity) if tracked.is_deskewed else tracked.scan
             self._enter(scan, pose)
             self._mapped = pose
             if self._is_revisable:
@@ -160,7 +155,7 @@ class LiveMap:
             indices, path = np.array(self._path_indices, dtype=np.int64), np.reshape(self._path, (-1, 3))
             path[indices < n] = poses[indices[indices < n]]
             self._path = array("d", path.tobytes())
-            self._before = self._mapped = None  # the last motion is not one between revised poses
+            self._mapped = None
             self.path_version += 1
 
 

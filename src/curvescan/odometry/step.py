@@ -11,7 +11,7 @@ import numpy as np
 from curvescan.matchers import MatchResult
 from curvescan.se2 import is_positive_definite
 from curvescan.se2.uncertain import UncertainPose, between, eigen3
-from curvescan.types import Cov, Pose
+from curvescan.types import Cov, Floats, Pose
 
 if TYPE_CHECKING:
     from curvescan.slam.loops.closures import Closure
@@ -67,6 +67,9 @@ class Step:
         continuous track. Zero at the first scan.
     motion_covariance : (3, 3) float64
         Covariance of the motion; very wide where the outcome is LOST.
+    velocity : (3,) float64
+        [vx, vy, omega] of the sensor, m/s, m/s, rad/s, by the motion and the usual time between scans, with which a
+        sweep is deskewed; zero where stamps do not tell it.
     outcome : StepOutcome
         How the pose came about.
     match : MatchResult or None
@@ -101,6 +104,7 @@ class Step:
     covariance_odom: Cov
     motion: Pose
     motion_covariance: Cov
+    velocity: Floats
     outcome: StepOutcome
     match: MatchResult | None
     reference: int | None

@@ -91,7 +91,7 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
             n,
             odometry=record.odometry.poses,
             keyframe_numbers=engine.keyframes.numbers,
-            keyframe_scans=engine.keyframe_scans(),
+            keyframe_scans=engine.records.keyframe_scans(),
             contradicted=refused,
         )
     elif isinstance(engine, Odometry):

@@ -69,8 +69,7 @@ class GrowingMap:
 
     def load(self, slam_map: SlamMap) -> None:
         """Take a map to continue."""
-        for k, scan in enumerate(slam_map.scans):
-            self.keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
+        self.keyframes.add_all(slam_map)
         self._session = slam_map.n_sessions
         self.graph = slam_map.graph()
         self._steps = steps_of(self.graph)

@@ -18,6 +18,7 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.loops.overlap import N_SECTORS, range_profile
 from curvescan.slam.loops.place_index import PlaceIndex, Signature, signature
+from curvescan.slam.map import SlamMap
 from curvescan.slam.open_direction import along_walls
 from curvescan.slam.pose_graph.rows import Rows
 from curvescan.types import Bools, Ints, with_fields
@@ -67,6 +68,11 @@ class Keyframes:
         self.profiles.append(range_profile(keyframe.scan))
         self.index.append(self.signature(self.prepared(k)))
         return k
+
+    def add_all(self, slam_map: SlamMap) -> None:
+        """Append the keyframes of a map."""
+        for keyframe in zip(slam_map.scans, slam_map.indices.tolist(), slam_map.sessions.tolist(), strict=True):
+            self.add(*keyframe)
 
     @property
     def numbers(self) -> Ints:

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan.configs import as_config, counted
+from curvescan.deskew import deskew
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import DEFAULT_METHOD, find_matcher
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.config import MATCHER_HINT
-from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import UNMEASURED, Step, StepOutcome, between_steps
 from curvescan.scan import LaserScan
@@ -34,7 +34,7 @@ from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, Views, said
 from curvescan.slam.loops.closures import is_certain
 from curvescan.slam.map import SlamMap
-from curvescan.types import Pose, with_fields
+from curvescan.types import with_fields
 
 _NOWHERE = UncertainPose(np.full(3, np.nan), np.full((3, 3), np.nan))
 """The pose of a sensor that is searched for."""
@@ -76,8 +76,7 @@ class Localizer:
         self.map, field, self.config = with_field(opened(slam_map), rules)
         self.method, self._matcher = method, matcher
         self._keyframes = Keyframes(find_matcher(method, matcher, name="matcher"))
-        for k, scan in enumerate(self.map.scans):
-            self._keyframes.add(scan, int(self.map.indices[k]), int(self.map.sessions[k]))
+        self._keyframes.add_all(self.map)
         self._matching = MapMatcher(self.map, self._keyframes, self.config, field)
         self._search = MapSearch(field, self.map.poses, self._keyframes)
         self.reset()
@@ -110,7 +109,6 @@ class Localizer:
         self._is_told = pose is not None  # of the next scan already: its motion is in it
         if not keeps_odometry:
             self.odometry = Odometry(self.method, matcher=self._matcher, config=self.config.odometry)
-            self._deskewer = Deskewer()
         self._fix: Fix | None = None
         self._views: tuple[Views, Step] | None = None  # of the search, and the step of the last one
         self._n_missed = 0  # scans in a row that should have matched the map
@@ -128,7 +126,6 @@ class Localizer:
             Pose of the sensor at this scan by its wheels; see :meth:`Odometry.add`.
         """
         step = self.odometry.add(scan, odometry_pose)
-        self._deskewer = self._deskewer.ticked(scan.stamp, scan.scan_time)
         is_unmeasured = step.outcome in UNMEASURED
         self._n_lost = self._n_lost + 1 if is_unmeasured else 0
         self._is_motion_unreliable |= is_unmeasured
@@ -139,14 +136,8 @@ class Localizer:
             self._prior = self._prior.moved(moved, is_doubtful=is_unmeasured)
         self._is_told = False
         if self.config.odometry.deskew:  # as the map's keyframes are
-            scan = self._deskewer.deskewed(scan, step.motion)
+            scan = deskew(scan, step.velocity)
         return self._look(scan, step) if self._fix is None else self._track(scan, step, self._fix)
-
-    def tells(self, scan: LaserScan, pose: Pose) -> bool:
-        """Return whether a scan alone speaks clearly more for a (3,) pose in the map than for any other place."""
-        points = lasting_points(scan)
-        view = said(contour_length(points), self._matching.field.agreement(points, pose))
-        return self._search.look(scan).is_best(pose, view.by_walls)
 
     def _look(self, scan: LaserScan, step: Step) -> Step:
         """Look for the sensor in the whole map."""

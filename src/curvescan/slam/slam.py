@@ -20,11 +20,11 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.configs import as_config, counted
+from curvescan.deskew import deskew
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.config import MATCHER_HINT
-from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import UNMEASURED, Step, StepOutcome, between_steps
 from curvescan.scan import LaserScan
@@ -38,7 +38,7 @@ from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.records import Records
-from curvescan.types import Cov, Ints, Pose, with_fields
+from curvescan.types import Cov, Pose, with_fields
 
 _VAGUE = 0.3  # a new keyframe is due when the way since the last one is known no better, metres and radians
 _N_LEAST, _GROWTH = 10, 0.05  # keyframes between optimizations, and share by which the graph grows, if no loop closes
@@ -77,8 +77,7 @@ class Slam:
         self._search = LoopSearch(self._map)
         if map is not None:
             self._map.load(as_map(map))
-        self._records = Records()
-        self._deskewer = Deskewer()
+        self.records = Records()
         self._origin: Step | None = None  # the step of the current keyframe
         self._n_lost = self._n_most_lost = 0  # scans that nothing places, now and since the current keyframe
         self._n_unsettled = 0  # of an open gap of the odometry
@@ -113,7 +112,6 @@ class Slam:
 
     def add_placed(self, scan: LaserScan, step: Step) -> Step:
         """Return where the sensor was at a scan that an odometry has placed, as :meth:`add` does."""
-        self._deskewer = self._deskewer.ticked(scan.stamp, scan.scan_time)
         if self._origin is None:
             seen = self._begin_fragment(scan, step, np.zeros(3))
         else:
@@ -126,10 +124,12 @@ class Slam:
             elif step.is_driven or not step.is_unsettled:
                 is_vague = sum(seen.covariance.diagonal().tolist()) >= _VAGUE**2
                 if is_vague or self.config.keyframes.is_far(seen.pose):
-                    seen = self._make_keyframe(scan, step, seen)
+                    scan = deskew(scan, step.velocity) if self.config.odometry.deskew else scan
+                    k = self._map.append(scan, step.index, seen, is_driven=step.is_driven)
+                    seen = self._hang_on(k, step, seen)
         self._n_scans += 1
         self._n_unsettled = self._n_unsettled + 1 if step.is_unsettled else 0
-        self._records.add(step.stamp, seen)
+        self.records.add(step.stamp, seen)
         closures = self._search.work(step.index, self.config.closures.matches_per_scan)
         self._optimize_beside()
         is_revised, self._map.is_revised = self._map.is_revised, False
@@ -144,11 +144,6 @@ class Slam:
             fragment=self._map.fragments[-1],
         )
 
-    def _make_keyframe(self, scan: LaserScan, step: Step, seen: UncertainPose) -> UncertainPose:
-        if self.config.odometry.deskew:
-            scan = self._deskewer.deskewed(scan, step.motion)
-        return self._hang_on(self._map.append(scan, step.index, seen, is_driven=step.is_driven), step, seen)
-
     def _begin_fragment(self, scan: LaserScan, step: Step, pose: Pose) -> UncertainPose:
         """Begin, or begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
         self._adopt()
@@ -158,7 +153,7 @@ class Slam:
         """Let scans hang on keyframe k, made of the scan of a step, look for it, and return the step seen from it."""
         self._search.enqueue(k)
         n_lost = self._n_unsettled if step.outcome is StepOutcome.LOST else 0
-        self._records.begin(self.keyframes[k].number, None if way is None else way.pose, n_lost)
+        self.records.begin(self.keyframes[k].number, None if way is None else way.pose, n_lost)
         self._origin, self._n_most_lost, self._n_unsettled = step, 0, 0
         return identity()
 
@@ -203,11 +198,7 @@ class Slam:
 
     def trajectory(self) -> Trajectory:
         """Return every pose so far, in the map as it is now."""
-        return self._records.trajectory(*self._map.placed())
-
-    def keyframe_scans(self) -> Ints:
-        """Return (k, 2) number and scan of each keyframe of this session, also of those that went."""
-        return self._records.keyframe_scans()
+        return self.records.trajectory(*self._map.placed())
 
     @property
     def map(self) -> SlamMap:

@@ -7,8 +7,17 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.editing.operations import part_of
 from curvescan.slam import SlamMap
-from curvescan.slam.localization.field import ON_WALL_M, REACH_M, DistanceField, counts, field_of, lasting_points
+from curvescan.slam.localization.field import (
+    ON_WALL_M,
+    REACH_M,
+    DistanceField,
+    counts,
+    field_of,
+    fields_of,
+    lasting_points,
+)
 from tests.slam.map_example import FILE, ROOM, lap, scans
 
 
@@ -108,6 +117,14 @@ def test_what_most_beams_pass_is_a_wall_and_not_solid() -> None:
     # what stood there once, and a hundred looks found gone, is no wall
     field = field_of(_ring_map(near, *[far] * 100))
     assert counts(field, points[0].points, np.zeros(3))[0] < 0.05 * 360
+
+
+def test_the_fields_of_a_map_as_it_grew_are_those_of_its_parts() -> None:
+    stored = cs.load_map(FILE)
+    numbers = [1, 3, 3, len(stored)]
+    for n, grown in zip(numbers, fields_of(stored, numbers, 0.05), strict=True):
+        alone = field_of(part_of(stored, np.arange(n)))
+        assert all(np.array_equal(one, other) for one, other in zip(grown, alone, strict=True))
 
 
 @pytest.mark.parametrize("way", [1, -1])

@@ -8,7 +8,9 @@ Robotics", 2005, section 6.4, with the free space that it leaves out).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from functools import partial
+from itertools import islice, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 from curvescan._jit import kernel
 from curvescan.errors import MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.mapping.occupancy import OccupancyGrid
+from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.scan import LaserScan
 from curvescan.slam.map import SlamMap
 from curvescan.types import Bools, Floats, Points
@@ -82,12 +84,22 @@ def field_of(slam_map: SlamMap) -> DistanceField:
     resolution = OccupancyConfig().resolution
     while True:
         try:
-            # beams without a return clear no cell: black walls and glass swallow them as space does
-            cells = partial(OccupancyConfig, clear_no_return=False, resolution=resolution)
-            worn = slam_map.occupancy(cells(miss=_WORN, free_to=_FREE))
-            return field_of_grid(worn, slam_map.occupancy(cells()).is_occupied)
+            return next(fields_of(slam_map, [len(slam_map)], resolution))
         except MapTooLargeError:
             resolution *= 2.0
+
+
+def fields_of(slam_map: SlamMap, numbers: Iterable[int], resolution: float) -> Iterator[DistanceField]:
+    """Yield the field of so many first keyframes of a map, for each of some rising numbers."""
+    # beams without a return clear no cell: black walls and glass swallow them as space does
+    cells = partial(OccupancyConfig, clear_no_return=False, resolution=resolution)
+    worn, solid = OccupancyBuilder(cells(miss=_WORN, free_to=_FREE)), OccupancyBuilder(cells())
+    keyframes = zip(slam_map.scans, slam_map.poses, strict=True)
+    for before, n in pairwise((0, *numbers)):
+        for keyframe in islice(keyframes, n - before):
+            worn.add(*keyframe)
+            solid.add(*keyframe)
+        yield field_of_grid(worn.grid(is_last=True), solid.grid(is_last=True).is_occupied)  # which keeps neither
 
 
 def field_of_grid(grid: OccupancyGrid, is_solid: Bools | bool = True) -> DistanceField:
