@@ -14,6 +14,7 @@ import curvescan as cs
 from curvescan import se2
 from curvescan.deskew import (
     WORTH_AGAIN,
+    Deskewer,
     _seen,
     deskew,
     middle_of_sweep,
@@ -25,7 +26,6 @@ from curvescan.deskew import (
 from curvescan.engines import run_engine
 from curvescan.io import read_log
 from curvescan.odometry import Odometry, OdometryConfig
-from curvescan.odometry.deskewing import Deskewer
 from curvescan.simulation import SENSORS, World, simulate
 from curvescan.simulation.sensing.raycast import cast_rays
 from tests.scenes import ROOM

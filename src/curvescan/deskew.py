@@ -2,15 +2,18 @@
 
 Each reading is moved to where the sensor would see it from there, by half a sweep at most, so that an error of the
 velocity mostly cancels in a match. The beams keep their order and their number. A reading that comes to lie behind a
-nearer one is dropped: it could not be seen from there.
+nearer one is dropped: it could not be seen from there. The velocity is that of a motion between two scans, by the
+clock of their stream.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +21,7 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.scan import LaserScan
-from curvescan.types import Bools, Floats, three_numbers
+from curvescan.types import Bools, Floats, Pose, three_numbers
 
 _FASTEST = 0.5
 """Turn of the sensor from a beam to the next, in angles between beams, from which on it is no velocity of a robot."""
@@ -31,9 +34,17 @@ velocity itself makes when it does not change."""
 _MOST_MOVED = 0.5
 """A reading that a sweep's motion moves by more than this share of its range is dropped: where it lies is not known."""
 
+_N_STAMPS = 12
+
+_HYSTERESIS = 0.02  # the period is taken anew when it changes by a larger share: stamps that jitter change nothing
+
+_LONGEST = 1e15  # seconds: 30 million years, which can be counted in periods
+_DIGITS = 3
+"""Significant digits of the period: what is less than the hysteresis must not enter when it is taken anew either."""
+
 _FASTEST_SENSOR = 1_000.0  # no sensor moves so fast, metres a second
 
-_SHORTEST, _LONGEST = 0.5, 1.5
+_REGULAR = 0.5, 1.5
 """Steps of the clock from one scan to the next, in usual steps: what jitters, and no scan was lost on the way."""
 
 _MOST_PERIODS = 3  # a step of more periods than this is a pause: how long the motion took is not known
@@ -82,6 +93,51 @@ def sweep_shift(scan: LaserScan, velocity: ArrayLike) -> float:
     return middle_of_sweep(scan) * (math.hypot(vx, vy) + abs(omega) * far)
 
 
+class Deskewer(NamedTuple):
+    """The clock of a stream of scans, and the velocity that a motion between two of them means; a new one each scan."""
+
+    stamps: tuple[float, ...] = ()  # the last few stamps, seconds
+    period: float = 0.0  # usual time between two scans, seconds; 0 where stamps do not tell
+    elapsed: float = 0.0  # time from the scan before to the last one by their stamps, seconds
+    seconds: float = 0.0  # the same as a whole number of periods, 0 of a pause
+    n_steps: int = 1  # how many periods it took, 1 at the least; logs written in bursts begin with any step
+
+    def ticked(self, stamp: float, scan_time: float = 0.0) -> Deskewer:
+        """Return the deskewer at the time of the next scan."""
+        stamps = (*self.stamps, stamp)[-_N_STAMPS:]
+        elapsed = min(max(stamp - self.stamps[-1], -_LONGEST), _LONGEST) if self.stamps else 0.0
+        period = usual_period(stamps, scan_time)
+        if abs(period - self.period) <= _HYSTERESIS * self.period:
+            period = self.period
+        else:
+            period = float(f"{period:.{_DIGITS}g}")
+        n = n_periods(stamps, period) if period > 0.0 else 0
+        n_steps = max(round(elapsed / period), 1) if len(stamps) == _N_STAMPS and period > 0.0 else 1
+        return Deskewer(stamps=stamps, period=period, elapsed=elapsed, seconds=n * period, n_steps=n_steps)
+
+    def velocity(self, motion: Pose) -> Floats:
+        """Return the velocity, [vx, vy, omega], of a sensor that made a motion since the last scan."""
+        return predicted_velocity(motion, self.seconds)
+
+    def deskewed(self, scan: LaserScan, motion: Pose) -> LaserScan:
+        """Return the scan, deskewed as if the sensor made a motion since the last."""
+        return deskew(scan, self.velocity(motion)) if scan.time_increment != 0.0 else scan
+
+    def is_worth_again(self, scan: LaserScan, expected: Pose, found: Pose) -> bool:
+        """Return whether a motion that was found puts readings elsewhere than the expected one did."""
+        error = self.velocity(se2.between(expected, found))
+        return sweep_shift(scan, error) > WORTH_AGAIN
+
+
+def deskewed_along(scans: Iterable[LaserScan], poses: Pose) -> Iterator[LaserScan]:
+    """Yield scans deskewed with the motion of a trajectory, poses (n, 3), for maps."""
+    deskewer, before = Deskewer(), None
+    for scan, pose in zip(scans, poses, strict=False):
+        deskewer = deskewer.ticked(scan.stamp, scan.scan_time)
+        yield deskewer.deskewed(scan, np.zeros(3) if before is None else se2.between(before, pose))
+        before = pose
+
+
 def predicted_velocity(motion: ArrayLike, seconds: float) -> Floats:
     """Return the velocity (3,) of a sensor whose motion (3,) goes on."""
     if not seconds > 0.0:
@@ -96,7 +152,7 @@ def usual_period(stamps: Sequence[float], scan_time: float = 0.0) -> float:
     """Return the time between two scans of a clock that may stand still, go back, leap or jitter."""
     forward = [after - before for before, after in pairwise(stamps) if _TICK < after - before < math.inf]
     usual = scan_time if scan_time > _TICK or not forward else median(forward)
-    regular = [step for step in forward if _SHORTEST * usual <= step <= _LONGEST * usual]
+    regular = [step for step in forward if _REGULAR[0] * usual <= step <= _REGULAR[1] * usual]
     return sum(regular) / len(regular) if regular else usual
 
 

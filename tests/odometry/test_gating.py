@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from curvescan.deskew import Deskewer
 from curvescan.matchers import MatchResult, Outcome
 from curvescan.odometry import MotionConfig
-from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.measurement import CERTAIN
 from curvescan.odometry.measurement import gate as gate_within
 from curvescan.odometry.motion_model import Prediction

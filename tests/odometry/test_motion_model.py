@@ -171,13 +171,13 @@ def test_the_scale_of_wheels_is_learnt_from_what_the_matches_measure(way):
 
 def test_wheels_that_slip_by_a_metre_keep_their_scale():
     model, _ = rolled(1.0, slips=(20, 60, 100))
-    assert model.ways[0] / model.ways[1] == pytest.approx(1.0, abs=1e-9)
+    assert model.wheels.scale == pytest.approx(1.0, abs=1e-9)
 
 
 def test_wheels_along_what_matches_leave_open_say_nothing_of_their_scale():
     model = updated(steady(), 0.1, odometry_pose=np.zeros(3))
     model = updated(model, 0.2, odometry_pose=np.array([0.11, 0.0, 0.0]), is_fully_observed=False)
-    assert model.ways == (1.0, 1.0)
+    assert model.wheels.ways == (1.0, 1.0)
 
 
 def test_the_covariance_by_wheels_is_that_of_the_configuration():
@@ -230,7 +230,7 @@ def test_the_noise_of_wheels_after_one_error_of_theirs():
         found = UncertainPose(prediction.motion.pose + error, SEEN.covariance)
         square = 0.5 * (error[0] ** 2 + error[1] ** 2) / cov[0, 0], error[2] ** 2 / cov[2, 2]
         for learned, one in zip(
-            model.updated(prediction, found, is_fully_observed=True).odometry_noise, square, strict=True
+            model.updated(prediction, found, is_fully_observed=True).wheels.noise, square, strict=True
         ):
             assert learned == pytest.approx(1.0 + (min(one, 4.0) - 1.0) / config.memory, rel=1e-9)
     # and no less than a tenth of what the configuration says, at most what is seen
@@ -241,7 +241,7 @@ def test_the_noise_of_wheels_after_one_error_of_theirs():
             prediction = model.predict(0.1 * k, np.array([0.1 * k, 0.0, 0.0]))
             motion = UncertainPose(prediction.motion.pose + np.array(off), SEEN.covariance)
             model = model.updated(prediction, motion, is_fully_observed=True)
-        assert model.odometry_noise == pytest.approx(limit, rel=0.05)
+        assert model.wheels.noise == pytest.approx(limit, rel=0.05)
 
 
 def test_turns_come_back_to_what_was_expected_of_them_before_any_was_seen():

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan.deskew import Deskewer
 from curvescan.engines import run_engine
 from curvescan.odometry import OdometryConfig
-from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.measurement import Matching
 from curvescan.odometry.motion_model import Prediction
 from curvescan.se2.uncertain import UncertainPose, identity

@@ -13,12 +13,11 @@ from itertools import islice
 
 import numpy as np
 
-from curvescan.deskew import deskew, sweep_shift
+from curvescan.deskew import Deskewer, deskew, sweep_shift
 from curvescan.diagnostics.motion_prior import CERTAIN, mean_and_error
 from curvescan.diagnostics.rotation_direction import RotationDirection, rotation_of_log
 from curvescan.io.log import Log
 from curvescan.matchers import match, prepare
-from curvescan.odometry.deskewing import Deskewer
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 

@@ -68,6 +68,8 @@ class MotionConfig:
     """Wheel odometry errs by this share of the distance driven, and turns by itself by as many radians a metre."""
     wheel_turn_share: float = 0.25
     """Wheel odometry errs by this share of the angle turned: mostly for want of a common clock with the laser."""
+    wheel_slip: float = 0.03
+    """Wheels slip by this share of the way, to begin with: what matches tell of it takes its place."""
     motion_gate_chi2: float = 20.0
     """A match this far from the prediction is not accepted alone: squared Mahalanobis distance."""
     expected_score: float = 0.3
@@ -75,7 +77,7 @@ class MotionConfig:
     scans of places that share nothing less than 1 in 1,000 reach it there, of scans a metre apart nearly all."""
 
     def __post_init__(self) -> None:
-        for name in ("least_sigma_m", "recovery_sigma_m", "recovery_sigma_rad", "motion_gate_chi2"):
+        for name in ("least_sigma_m", "recovery_sigma_m", "recovery_sigma_rad", "wheel_slip", "motion_gate_chi2"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("wheel_share", "wheel_turn_share"):
             require(getattr(self, name) >= 0.0, f"{name} must be >= 0", getattr(self, name))

@@ -11,8 +11,9 @@ import math
 from typing import NamedTuple
 
 from curvescan import se2
+from curvescan.deskew import Deskewer
 from curvescan.odometry.config import MotionConfig
-from curvescan.odometry.deskewing import Deskewer
+from curvescan.odometry.wheels import Wheels
 from curvescan.se2.uncertain import UncertainPose, identity, wrap_angle
 from curvescan.types import Cov, Pose
 
@@ -24,13 +25,6 @@ _WHEEL_FLOOR = 0.003
 
 _MAX_STRETCH = 20
 """A pause longer than this many scans counts as this many."""
-
-_LEAST_NOISE = 0.1
-"""Least variance of another odometry, in those of the configuration."""
-
-_MOST_ERROR = 4.0
-"""The most that the square of one error counts, in the variance: a slip is not a habit, nor is one that people who walk
-along feign."""
 
 _MOVING = 3
 """Wheels that report the very pose of the scan before, after a motion longer than this many times the least change
@@ -80,24 +74,19 @@ class MotionModel(NamedTuple):
     last: UncertainPose  # the last motion
     variance_translation: float  # of the change from a motion to the next, m^2 an axis
     variance_turn: float  # the same of the turn, rad^2
+    wheels: Wheels  # what is known of the other odometry
     # (3,): pose at the last scan by another odometry, or at the scan before where it was not updated since
     odometry_pose: Pose | None = None
     # (3,): the sensor at the last scan seen from where it was at that pose; None where that pose is of the last scan
     moved: Pose | None = None
     deskewer: Deskewer = Deskewer()  # the clock of the stream
     n_failures: int = 0  # scans without a match in a row
-    # variance of the other odometry's translation and turn, as multiples of what the configuration says: the mean over
-    # the last steps that a match measured
-    odometry_noise: tuple[float, float] = (1.0, 1.0)
-    # metres driven, one to begin with, by the matches that measured all of it, and meanwhile by the other odometry:
-    # wheels of a wrong size err by the same share all the way
-    ways: tuple[float, float] = (1.0, 1.0)
 
     @classmethod
     def at_start(cls, config: MotionConfig) -> MotionModel:
         """Return the model before the first scan."""
         variance = config.sigma_m**2
-        return cls(config=config, last=identity(), variance_translation=variance, variance_turn=variance)
+        return cls(config, identity(), variance, variance, Wheels(slip=config.wheel_slip))
 
     def predict(self, stamp: float, odometry_pose: Pose | None, scan_time: float = 0.0) -> Prediction:
         """Return the expected pose of the next sensor frame in the last one; odometry_pose (3,)."""
@@ -133,19 +122,18 @@ class MotionModel(NamedTuple):
     def updated(self, prediction: Prediction, motion: UncertainPose, *, is_fully_observed: bool) -> MotionModel:
         """Return the model after a scan whose motion was measured."""
         variances = self._after_change(motion.pose - self.last.pose) if is_fully_observed else self._inflated()
-        noise, ways = self.odometry_noise, self.ways
+        wheels = self.wheels if is_fully_observed else self.wheels.interrupted()
         if is_fully_observed and prediction.is_measured:
-            noise, ways = self._learned_noise(prediction, motion.pose), self._learned_ways(prediction, motion.pose)
+            wheels = wheels.learned(prediction.motion, motion.pose, self.config)
         return self._replace(
             last=motion,
             variance_translation=variances[0],
             variance_turn=variances[1],
+            wheels=wheels,
             odometry_pose=prediction.odometry_pose,
             moved=self._moved(prediction, motion),
             deskewer=prediction.deskewer,
             n_failures=0,
-            odometry_noise=noise,
-            ways=ways,
         )
 
     def updated_without_match(self, prediction: Prediction, motion: UncertainPose) -> MotionModel:
@@ -178,7 +166,7 @@ class MotionModel(NamedTuple):
         if before is None:
             return False
         by_wheels = se2.between(before, odometry_pose)
-        by_wheels[:2] *= self.ways[0] / self.ways[1]
+        by_wheels[:2] *= self.wheels.scale
         turn = float(se2.wrap(odometry_pose[2] - before[2]))  # known where the place is not
         path = math.hypot(by_wheels[0], by_wheels[1])
         share = config.wheel_turn_share * turn
@@ -190,34 +178,14 @@ class MotionModel(NamedTuple):
             pose[:2] = by_wheels[:2]
             cov[:2, :] = cov[:, :2] = 0.0
             variance = _WHEEL_FLOOR**2 + (config.wheel_share * path) ** 2
-            cov[0, 0] = cov[1, 1] = self.odometry_noise[0] * variance
+            cov[0, 0] = cov[1, 1] = self.wheels.noise[0] * variance
         if math.isfinite(turn):
             pose[2] = turn
             drift = config.wheel_share * path if is_measured else 0.0
             cov[2, :] = cov[:, 2] = 0.0
             variance = _WHEEL_FLOOR**2 + share**2 + drift**2
-            cov[2, 2] = self.odometry_noise[1] * variance
+            cov[2, 2] = self.wheels.noise[1] * variance
         return is_measured
-
-    def _learned_noise(self, prediction: Prediction, motion: Pose) -> tuple[float, float]:
-        """Return the noise of the other odometry after one more error of it."""
-        x, y, theta = se2.between(prediction.motion.pose, motion).tolist()
-        cov, memory = prediction.motion.covariance, self.config.memory
-        errors = (0.5 * (x * x + y * y) / cov[0, 0], theta * theta / cov[2, 2])
-        translation, turn = (
-            max(old * (1.0 + (min(error, _MOST_ERROR) - 1.0) / memory), _LEAST_NOISE)
-            for old, error in zip(self.odometry_noise, errors, strict=True)
-        )
-        return translation, turn
-
-    def _learned_ways(self, prediction: Prediction, motion: Pose) -> tuple[float, float]:
-        """Return the ways by matches and by the other odometry after one more step, which it may not contradict."""
-        by_matches, by_wheels = self.ways
-        (x, y, _), off = prediction.motion.pose.tolist(), motion[:2] - prediction.motion.pose[:2]
-        path = math.hypot(x, y)
-        if not path > 0.0 or 0.5 * float(off @ off) > self.config.motion_gate_chi2 * prediction.motion.covariance[0, 0]:
-            return self.ways
-        return by_matches + (x * motion[0] + y * motion[1]) / path, by_wheels + path * by_wheels / by_matches
 
     def _after_change(self, change: Pose) -> tuple[float, float]:
         """Return the variances of translation and turn after one more change of the motion was seen."""

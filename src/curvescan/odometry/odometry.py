@@ -126,6 +126,7 @@ class Odometry:
 
 def _as_step(observation: Observation, placement: Placement) -> Step:
     pose_map_scan = placement.localization.pose_map_scan
+    is_driven = observation.prediction.is_measured and not placement.is_prior_rejected
     return Step(
         index=observation.index,
         stamp=observation.scan.stamp,
@@ -142,5 +143,5 @@ def _as_step(observation: Observation, placement: Placement) -> Step:
         reference=placement.reference,
         is_prior_rejected=placement.is_prior_rejected,
         is_unsettled=placement.gap is not None,
-        is_driven=observation.prediction.is_measured and not placement.is_prior_rejected,
+        wheel_slip=placement.motion.wheels.slip if is_driven else math.nan,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
@@ -78,8 +79,9 @@ class Step:
         Number of the scan that `match` was tried with; None at the first scan.
     is_prior_rejected : bool
         Whether `odometry_pose` was left out: a match contradicts it, and the last motion supports the match.
-    is_driven : bool
-        Whether wheels told the motion along what the match leaves open.
+    wheel_slip : float
+        Where wheels told the motion along what the match leaves open: share of the way that they slip by, as the
+        matches so far have it. Else NaN.
     is_unsettled : bool
         Whether a scan without a match lies behind, and how far the sensor moved there is not confirmed yet: a later
         scan does, or the sensor is LOST.
@@ -109,7 +111,7 @@ class Step:
     match: MatchResult | None
     reference: int | None
     is_prior_rejected: bool = False
-    is_driven: bool = False
+    wheel_slip: float = math.nan
     is_unsettled: bool = False
     closures: tuple[Closure, ...] = ()
     is_revised: bool = False
@@ -121,6 +123,11 @@ class Step:
     def ok(self) -> bool:
         """Whether the pose is known: not while the sensor is searched for in a saved map."""
         return self.outcome is not StepOutcome.SEARCHING
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether wheels told the motion along what the match leaves open."""
+        return math.isfinite(self.wheel_slip)
 
     @property
     def is_matched(self) -> bool:

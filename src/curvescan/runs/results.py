@@ -19,6 +19,7 @@ import numpy as np
 from curvescan import se2
 from curvescan._version import __version__
 from curvescan.configs import as_plain, counted
+from curvescan.deskew import deskewed_along
 from curvescan.engines.engine import odometry_of
 from curvescan.engines.odometry_process import OdometryProcess
 from curvescan.errors import OutputError
@@ -31,7 +32,6 @@ from curvescan.mapping.map_server import write_map_files
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps, build_maps
 from curvescan.odometry import Odometry, StepOutcome
-from curvescan.odometry.deskewing import deskewed_along
 from curvescan.odometry.step import IN_MAP
 from curvescan.runs.graph_files import VIEW_FILE, describe_graph, write_closures, write_view_file
 from curvescan.slam import Localizer, Slam
@@ -107,7 +107,7 @@ def maps_of_run(run: Run, *, cell: float | None) -> RunMaps:
     record, engine = run.record, run.engine
     if isinstance(engine, Localizer):
         return RunMaps(standing=engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
-    seen = deskewed_along(run.scans, record.trajectory) if odometry_of(engine).config.deskew else run.scans
+    seen = deskewed_along(run.scans, record.trajectory.poses) if odometry_of(engine).config.deskew else run.scans
     if not isinstance(engine, Slam):
         return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=run.occupancy)
     keyframes = [*engine.keyframes]

@@ -67,12 +67,11 @@ class NoiseConfig:
     floor_rad: float = 0.002
     """The same of its rotation, radians."""
     slip: float = 0.05
-    """The odometry slips by this share of the way since a match of keyframes last measured all of the motion."""
-    wheel_slip: float = 0.03
-    """The same where wheels drive along: matches find what they are wrong by, and what varies is left."""
+    """The odometry slips by this share of the way since a match of keyframes last measured all of the motion; with
+    wheels by that which matches have found."""
 
     def __post_init__(self) -> None:
-        _require_positive(self, "floor_m", "floor_rad", "slip", "wheel_slip")
+        _require_positive(self, "floor_m", "floor_rad", "slip")
 
     @cached_property
     def floor(self) -> Cov:
@@ -84,14 +83,15 @@ class NoiseConfig:
         """(3, 3) covariance that the difference of two estimates of one pose has besides theirs."""
         return 4.0 * self.floor
 
-    def slipped(self, motion: UncertainPose, way: float, n_unseen: int, *, is_driven: bool) -> UncertainPose:
+    def slipped(self, motion: UncertainPose, way: float, n_unseen: int, wheel_slip: float = math.nan) -> UncertainPose:
         """Return a motion of the odometry with what it may slip; way: metres since a match measured all of it.
 
         Slips go on: their standard deviation grows with the way and not with its root, and that of a turn which no
         match of keyframes saw with the scans in between, n_unseen.
         """
         step, cov = float(np.hypot(motion.pose[0], motion.pose[1])), motion.covariance + self.floor
-        variance = (self.wheel_slip if is_driven else self.slip) ** 2 * step * (2.0 * way + step)
+        slip = wheel_slip if math.isfinite(wheel_slip) else self.slip
+        variance = slip**2 * step * (2.0 * way + step)
         turn = n_unseen / cov[2, 2] * np.outer(cov[2], cov[2])
         return UncertainPose(motion.pose, cov + turn + np.diag([variance, variance, 0.0]))
 

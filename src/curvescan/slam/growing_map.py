@@ -86,7 +86,7 @@ class GrowingMap:
         self._open_way = 0.0
         return k
 
-    def append(self, scan: LaserScan, index: int, motion: UncertainPose, *, is_driven: bool = False) -> int:
+    def append(self, scan: LaserScan, index: int, motion: UncertainPose, wheel_slip: float = math.nan) -> int:
         """Take the next keyframe, tie it to the one before it, and return its row.
 
         The match of both counts in the directions that it measures, the odometry's motion in the others; where the two
@@ -97,7 +97,7 @@ class GrowingMap:
         self.fragments.append(self.fragments[before])
         result, kind = self.keyframes.match(before, self.keyframes.prepared(k), None), EdgeKind.MOTION
         n_unseen = 0 if result.ok else index - self.keyframes[before].index - 1
-        step = noise.slipped(motion, self._open_way, n_unseen, is_driven=is_driven)
+        step = noise.slipped(motion, self._open_way, n_unseen, wheel_slip)
         self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
         if result.ok:
             found = as_measurement(result)

@@ -125,7 +125,7 @@ class Slam:
                 is_vague = sum(seen.covariance.diagonal().tolist()) >= _VAGUE**2
                 if is_vague or self.config.keyframes.is_far(seen.pose):
                     scan = deskew(scan, step.velocity) if self.config.odometry.deskew else scan
-                    k = self._map.append(scan, step.index, seen, is_driven=step.is_driven)
+                    k = self._map.append(scan, step.index, seen, step.wheel_slip)
                     seen = self._hang_on(k, step, seen)
         self._n_scans += 1
         self._n_unsettled = self._n_unsettled + 1 if step.is_unsettled else 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from curvescan import LaserScan
-from curvescan.odometry.deskewing import Deskewer
+from curvescan.deskew import Deskewer
 
 
 def seconds_of(stamps, scan_time=0.0):
