@@ -214,9 +214,23 @@ NAMED = (
     _named(
         "what a match of keyframes leaves open is measured",
         "slam/loops/closures.py",
-        "found = as_measurement(result)",
-        "found = UncertainPose(result.pose, result.covariance)",
+        "found = claimed = as_measurement(result)",
+        "found = claimed = UncertainPose(result.pose, result.covariance)",
         "slam/test_closures.py",
+    ),
+    _named(
+        "views that share nothing may be of one place",
+        "slam/loops/closures.py",
+        "claimed = within_sight(found, along, *views)",
+        "claimed = found",
+        "slam/test_closures.py",
+    ),
+    _named(
+        "a leap of wheels is a slip of theirs",
+        "odometry/wheels.py",
+        "return told.interrupted()  # it leapt",
+        "pass",
+        "odometry/test_wheels.py",
     ),
     _named(
         "views of one place are independent witnesses",

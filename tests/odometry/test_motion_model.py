@@ -220,30 +220,6 @@ def test_how_far_a_sensor_gets_unseen_follows_from_the_time():
     assert updated(MotionModel.at_start(MotionConfig()), 0.0).predict(0.0, None).reach >= 1_000.0
 
 
-def test_the_noise_of_wheels_after_one_error_of_theirs():
-    """A mean over `memory` steps of the square of the error, in variances, both axes of a translation together."""
-    config = MotionConfig()
-    model = updated(steady(), 0.1, odometry_pose=np.zeros(3))
-    prediction = model.predict(0.2, np.array([0.1, 0.0, 0.0]))
-    cov = prediction.motion.covariance
-    for error in (np.array([0.01, 0.012, 0.015]), np.array([0.2, 0.3, 0.01])):  # the second is more than two sigma off
-        found = UncertainPose(prediction.motion.pose + error, SEEN.covariance)
-        square = 0.5 * (error[0] ** 2 + error[1] ** 2) / cov[0, 0], error[2] ** 2 / cov[2, 2]
-        for learned, one in zip(
-            model.updated(prediction, found, is_fully_observed=True).wheels.noise, square, strict=True
-        ):
-            assert learned == pytest.approx(1.0 + (min(one, 4.0) - 1.0) / config.memory, rel=1e-9)
-    # and no less than a tenth of what the configuration says, at most what is seen
-    variance = cov[0, 0], cov[2, 2]
-    for off, limit in (((0.0, 0.0, 0.0), (0.1, 0.1)), ((0.0, 3.0, 2.0), (0.5 * 9.0 / variance[0], 4.0 / variance[1]))):
-        model = steady()
-        for k in range(400):
-            prediction = model.predict(0.1 * k, np.array([0.1 * k, 0.0, 0.0]))
-            motion = UncertainPose(prediction.motion.pose + np.array(off), SEEN.covariance)
-            model = model.updated(prediction, motion, is_fully_observed=True)
-        assert model.wheels.noise == pytest.approx(limit, rel=0.05)
-
-
 def test_turns_come_back_to_what_was_expected_of_them_before_any_was_seen():
     config = MotionConfig()
     model = steady(n=100)

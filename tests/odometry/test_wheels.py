@@ -26,6 +26,15 @@ def driven(slips, scale=1.0, fully=None):
     return model.wheels
 
 
+def at_rest():
+    """A model that has seen a step, and wheels since."""
+    model = MotionModel.at_start(CONFIG)
+    for stamp in (0.0, 0.1):
+        found = UncertainPose(np.array([0.1, 0.01, 0.05]), 1e-6 * np.eye(3))
+        model = model.updated(model.predict(stamp, np.zeros(3)), found, is_fully_observed=False)
+    return model
+
+
 def slipping(share, n, seed=1):
     """Slips of n steps that go on for ten metres each, and have the share as their standard deviation, an axis."""
     rng = np.random.default_rng(seed)
@@ -75,3 +84,27 @@ def test_what_is_learned_is_a_new_value():
     assert after.stretch == 1.0
     assert after.behind == pytest.approx((0.1, 0.0))
     assert after.learned(expected, np.array([1.1, 0.0, 0.0]), CONFIG).slip > 0.03
+
+
+def test_the_noise_of_wheels_after_one_error_of_theirs():
+    """A mean over `memory` steps of the square of the error, in variances, both axes of a translation together."""
+    config = MotionConfig()
+    model = at_rest()
+    prediction = model.predict(0.2, np.array([0.1, 0.0, 0.0]))
+    cov = prediction.motion.covariance
+    for error in (np.array([0.01, 0.012, 0.015]), np.array([0.2, 0.3, 0.01])):  # the second is more than two sigma off
+        found = UncertainPose(prediction.motion.pose + error, 1e-6 * np.eye(3))
+        square = 0.5 * (error[0] ** 2 + error[1] ** 2) / cov[0, 0], error[2] ** 2 / cov[2, 2]
+        for learned, one in zip(
+            model.updated(prediction, found, is_fully_observed=True).wheels.noise, square, strict=True
+        ):
+            assert learned == pytest.approx(1.0 + (min(one, 4.0) - 1.0) / config.memory, rel=1e-9)
+    # and no less than a tenth of what the configuration says, at most what is seen
+    variance = cov[0, 0], cov[2, 2]
+    for off, limit in (((0.0, 0.0, 0.0), (0.1, 0.1)), ((0.0, 3.0, 2.0), (0.5 * 9.0 / variance[0], 4.0 / variance[1]))):
+        model = at_rest()
+        for k in range(400):
+            prediction = model.predict(0.1 * k, np.array([0.1 * k, 0.0, 0.0]))
+            motion = UncertainPose(prediction.motion.pose + np.array(off), 1e-6 * np.eye(3))
+            model = model.updated(prediction, motion, is_fully_observed=True)
+        assert model.wheels.noise == pytest.approx(limit, rel=0.05)

@@ -17,6 +17,7 @@ from curvescan.slam.loop_search import Candidate, choose_candidates, matched
 from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, expectation_of
 from curvescan.slam.loops.cycles import difference
 from curvescan.slam.loops.overlap import range_profile
+from curvescan.slam.open_direction import within_sight
 from curvescan.types import Floats
 
 
@@ -35,12 +36,19 @@ def hall() -> cs.Log:
 
 
 def _tested(
-    result: MatchResult, off_m: float = 0.0, sigma_m: float = 0.02, *, turn: float = 0.0, j: int = 20
+    result: MatchResult,
+    off_m: float = 0.0,
+    sigma_m: float = 0.02,
+    *,
+    turn: float = 0.0,
+    j: int = 20,
+    reach: tuple[float, float] = (1000.0, 1000.0),
 ) -> Closure:
-    """Test a match that lies off along x where the graph knows it to `sigma_m`, and 0.02 rad."""
+    """Test a match that lies off along x where the graph knows it to `sigma_m`, and 0.02 rad; reach: of both views."""
+    views = (cs.LaserScan(np.full(360, r), angle_min=-np.pi, angle_increment=np.pi / 180.0) for r in reach)
     cov = np.diag(np.square([sigma_m, sigma_m, 0.02]))
     expected = UncertainPose(result.pose - [off_m, 0.0, turn], cov)
-    return closure_of(result, expected, SlamConfig(), scan=9, i=0, j=j)
+    return closure_of(result, expected, SlamConfig(), *views, scan=9, i=0, j=j)
 
 
 def test_a_match_where_the_graph_surely_expects_it_is_accepted_alone(result: MatchResult) -> None:
@@ -98,7 +106,7 @@ def _is_candidate(distance: float, sigma: float, profiles: Floats, similarity: F
     relative = np.tile([60.0, 0.0, 0.0], (19, 1))
     relative[2] = distance, 0.0, np.pi
     covariances = np.tile(np.diag(np.square([sigma, sigma, 0.02])), (19, 1, 1))
-    chosen = choose_candidates(19, np.arange(19), relative, covariances, SlamConfig(), profiles, similarity)
+    chosen = choose_candidates(19, np.arange(19), (relative, covariances), SlamConfig(), profiles, similarity)
     return 2 in [c.i for c in chosen]
 
 
@@ -110,13 +118,39 @@ def test_of_a_matcher_without_a_confidence_the_graph_decides(result: MatchResult
 
 def test_what_a_match_leaves_open_says_nothing_and_stays_open(result: MatchResult) -> None:
     along_x = dataclasses.replace(result, degenerate_direction=np.array([1.0, 0.0, 0.0]))
-    near, far = _tested(along_x), _tested(along_x, 2.0, 1.0)
+    near, far = _tested(along_x), _tested(along_x, 2.0, 1.0)  # of views that reach to the end of the corridor
     assert near.covariance[0, 0] > 1e3
     assert near.expectation < _tested(result).expectation
     # across nothing is known better, along it is not measured
     np.testing.assert_allclose(far.expectation, _tested(along_x, 0.0, 1.0).expectation, atol=0.01)
     # the edge stands where the graph has it: far off along a corridor the least turn would push across it
     np.testing.assert_allclose(far.pose, along_x.pose - [2.0, 0.0, 0.0])
+
+
+def test_scans_that_see_no_one_place_where_the_graph_has_them_are_of_other_walls(result: MatchResult) -> None:
+    """In a tunnel seen 4 m far: as much speaks for a place a metre off, and less for one of 8 m."""
+    along_x = dataclasses.replace(result, degenerate_direction=np.array([1.0, 0.0, 0.0]))
+    far_views = _tested(along_x, 0.0, 1.0).expectation
+    here, near, far = (_tested(along_x, off, 1.0, reach=(4.0, 4.0)).expectation for off in (0.0, 1.0, 8.0))
+    assert here == pytest.approx(far_views, abs=0.02)  # that they see one place does not speak for them
+    assert near == pytest.approx(far_views, abs=0.02)
+    variance = (4.0 * 4.0) ** 2 / 24.0 + 1.0
+    gained = 0.5 * np.log((variance + 100.0) / variance)
+    assert far == pytest.approx(far_views + gained - 0.5 * 8.0**2 / variance, rel=0.1)
+    assert far < far_views - 1.0
+    # what a long view shares with a short one on its way
+    assert _tested(along_x, 8.0, 1.0, reach=(30.0, 4.0)).expectation == pytest.approx(far_views, abs=0.02)
+
+
+def test_a_half_circle_that_looks_ahead_sees_what_one_from_ahead_does() -> None:
+    """A view to x of 0 to 10 m, and one from ahead that looks back: they share most of it 10 m apart."""
+    ranges = np.where(np.abs(np.linspace(-np.pi, np.pi, 361)) < np.pi / 2.0, 10.0, np.nan)
+    view = cs.LaserScan(ranges, angle_min=-np.pi, angle_increment=np.pi / 180.0)
+    found = UncertainPose(np.array([0.0, 0.0, np.pi]), np.diag([4000.0, 1e-4, 1e-4]))
+    claimed = within_sight(found, np.array([1.0, 0.0, 0.0]), view, view)
+    assert claimed.pose == pytest.approx([10.0, 0.0, np.pi], abs=0.2)
+    assert claimed.covariance[0, 0] == pytest.approx(20.0**2 / 24.0, rel=0.05)
+    np.testing.assert_allclose(claimed.covariance[1:, 1:], found.covariance[1:, 1:])
 
 
 @pytest.mark.parametrize("turn", [1e-3, 0.3, 1.7, -3.0])

@@ -12,6 +12,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.diagnostics.inspect import are_leaps
+from curvescan.diagnostics.motion_prior import SURE
 from curvescan.engines import RunRecord
 from curvescan.io.log import Log
 from curvescan.matchers import DEFAULT_METHOD, find_matcher
@@ -30,7 +31,6 @@ _STILL = 0.02  # a sensor stands that moves and turns by no more, metres and rad
 _NEAR = 0.5  # scans so near to each other see the same, metres and radians
 _N_SCANS = 5  # scans after a break in which the track is found again, or lost
 _N_VIEWS = 20  # most keyframes of a track, one of which at least tells its place, where there are half as many
-_SURE = 0.9  # confidence from which on a match bridges scans that are missing
 _TIMES, _USUAL = 3, 0.95  # a leap is so many times as long as this quantile of the steps
 
 
@@ -97,7 +97,7 @@ def joins_in_doubt(record: RunRecord) -> list[tuple[int, int]]:
     After a loss, and where scans are missing, no wheels bridge them and no sure match does.
     """
     is_leap = are_leaps(np.diff(record.trajectory.stamps, prepend=np.nan), record.scan_period)
-    in_doubt = np.flatnonzero(is_leap & ~(record.confidence >= _SURE) & (not record.has_prior)).tolist()
+    in_doubt = np.flatnonzero(is_leap & ~(record.confidence >= SURE) & (not record.has_prior)).tolist()
     lost = [k for k, outcome in enumerate(record.outcomes) if outcome is StepOutcome.LOST]
     return [(k, _N_VIEWS // 2) for k in lost] + [(k, 1) for k in in_doubt]
 

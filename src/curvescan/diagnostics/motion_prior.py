@@ -27,7 +27,7 @@ _SHORTEST, _LONGEST, _MAX_TURN = 0.1, 0.5, 0.5
 
 _SHORT = UncertainPose(np.zeros(3), np.diag([_LONGEST, _LONGEST, _MAX_TURN]) ** 2)
 _MAX_SCANS = 60  # most scans that a motion takes
-_SURE = 0.9  # confidence of a match from which on it is compared
+SURE = 0.9  # confidence from which on a match is taken for right
 _N_SURE_MOTIONS = 10  # sure matches that it takes to judge
 
 _OFF, _OFF_RAD, _OFF_SHARE = 0.05, 0.03, 0.25
@@ -70,7 +70,7 @@ def sure_motion(earlier: LaserScan, later: LaserScan) -> Pose | None:
 def _sure_match(earlier: LaserScan, later: LaserScan) -> MatchResult | None:
     """Return the match of two scans that knows how short the motion is, where it is sure, all of it or in part."""
     found = match(earlier, later, prior=_SHORT)
-    return found if found.ok and found.confidence > _SURE else None
+    return found if found.ok and found.confidence > SURE else None
 
 
 def _motions(poses: Pose) -> list[tuple[int, int]]:

@@ -39,6 +39,7 @@ MAX_OPEN_SHARE, MAX_OPEN_SHARE_SLAM = 0.3, 0.9
 """Share of the scans that may leave the motion along one direction to what is usual, where no wheels tell it: of
 odometry, and of SLAM, whose covariances tell what it closed since. Beyond the second nothing tells what is usual."""
 
+_IN_ROW = 0.1  # share of what steps in a row slip along an open way which all of them slip alike
 MIN_FOUND = 0.9  # share of the scans that must be found in a saved map
 _SPOILING = ("stale_beams", "turns_against", "undeclared_code", "undeclared_codes", "no_valid_reading")
 """Kinds of issues that spoil readings so that what is made of them is not to be trusted."""
@@ -234,11 +235,11 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
 def largest_sigma(record: RunRecord, engine: Engine) -> float:
     """Return the greatest standard deviation of a position, metres, the few worst left out; 0 where none is known.
 
-    Of a map it is that of the keyframes, seen from the middle one; a tenth of what open steps in a row slip is common.
+    Of a map it is that of the keyframes, seen from the middle one.
     """
     covariances = record.trajectory.covariances
     if isinstance(engine, Slam) and (graph := engine.graph).n_poses:
-        covariances = covariances_seen_from(graph, graph.n_poses // 2, engine.config.noise, in_row=1 / 10)
+        covariances = covariances_seen_from(graph, graph.n_poses // 2, engine.config.noise, in_row=_IN_ROW)
     if covariances is None or not len(covariances):
         return 0.0
     variances = covariances[:, 0, 0] + covariances[:, 1, 1]

@@ -35,8 +35,7 @@ class MapKeyframesConfig:
     """Scans in a row that neither a match nor wheels place, after which the next keyframe begins a fragment."""
 
     def __post_init__(self) -> None:
-        _require_positive(self, "distance", "turn")
-        _require_counts(self, "n_lost")
+        _require_positive(self, "distance", "turn", "n_lost")
 
     def is_far(self, motion: Pose, share: float = 1.0) -> bool:
         """Return whether a motion, (3,), is as long as makes a new keyframe due, or a share of it."""
@@ -54,8 +53,7 @@ class PlacesConfig:
     """Keyframes this near to each other, metres and radians, show the same place."""
 
     def __post_init__(self) -> None:
-        _require_positive(self, "radius")
-        _require_counts(self, "n_keyframes")
+        _require_positive(self, "radius", "n_keyframes")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,8 +119,7 @@ class ClosuresConfig:
     """Least log odds of a set of closures that agree: of its matches, where the graph has it, less what contradicts."""
 
     def __post_init__(self) -> None:
-        _require_positive(self, "reach", "certain_m", "log_odds")
-        _require_counts(self, "matches_per_scan")
+        _require_positive(self, "reach", "certain_m", "log_odds", "matches_per_scan")
         require(0.0 <= self.min_overlap <= 1.0, "min_overlap must lie in [0, 1]", self.min_overlap)
 
 
@@ -148,8 +145,3 @@ class SlamConfig:
 def _require_positive(config: object, *names: str) -> None:
     for name in names:
         require(getattr(config, name) > 0.0, f"{name} must be > 0", getattr(config, name))
-
-
-def _require_counts(config: object, *names: str) -> None:
-    for name in names:
-        require(getattr(config, name) >= 1, f"{name} must be at least 1", getattr(config, name))

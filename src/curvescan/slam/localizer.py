@@ -8,7 +8,7 @@ odometry breaks, or the map contradicts the scan, the whole map is looked at aga
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -199,9 +199,7 @@ class Localizer:
         is_worse = fit < max(0.0, least - worse)
         return [] if is_worse or not is_certain(here, self.config) or not is_same(place.pose, here.pose) else hits
 
-    def _take(
-        self, step: Step, outcome: StepOutcome, here: UncertainPose, hits: Sequence[Hit], view: float = 0.0
-    ) -> Step:
+    def _take(self, step: Step, outcome: StepOutcome, here: UncertainPose, hits: list[Hit], view: float = 0.0) -> Step:
         """Take a pose that matches found; view: What the map says of it where it was expected."""
         self._fix = Fix(here, step, hits[0].keyframe)
         is_expected = self._prior is not None and self._search.known(self._prior, here.pose[np.newaxis])[0] > 0.0

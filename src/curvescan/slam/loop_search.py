@@ -74,8 +74,7 @@ class LoopSearch:
         # what is known of a relative pose is costly: not of what lies afar and looks different
         rows = (similarity >= _MIN_SIMILARITY) | (np.hypot(*(poses[:, :2] - poses[k, :2]).T) < _FARTHEST)
         rows = np.flatnonzero(rows[:k])
-        relative, covariances = growing.seen_from(rows)
-        chosen = choose_candidates(k, rows, relative, covariances, self.config, profiles, similarity[rows])
+        chosen = choose_candidates(k, rows, growing.seen_from(rows), self.config, profiles, similarity[rows])
         if waiting := [c for c in self._pool if not c.is_accepted and k - c.j <= N_NEAR]:
             asked = self._beside(max(waiting, key=lambda c: c.log_odds + c.expectation), k)
             chosen += [c for c in asked if c.i not in {other.i for other in chosen}]
@@ -95,7 +94,7 @@ class LoopSearch:
     def _overlapping(self, k: int, rows: Ints, relative: Pose) -> list[Candidate]:
         """Return those of some keyframes that see what one of row k does, seen surely from them at relative (n, 3)."""
         cov = np.broadcast_to(self.config.noise.spread, (len(rows), 3, 3))
-        return choose_candidates(k, rows, relative, cov, self.config, self._map.keyframes.profiles.array)
+        return choose_candidates(k, rows, (relative, cov), self.config, self._map.keyframes.profiles.array)
 
     def work(self, index: int, n_most: int) -> list[Closure]:
         """Match so much of the queue with scan `index`, and return the closures accepted."""
@@ -248,29 +247,23 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
         if result.is_guess_decisive and along is None and is_loop(i, j):  # several places explain them: it is open
             along = np.array([*np.linalg.eigh(result.covariance[:2, :2])[1][:, 1], 0.0])
             result = with_fields(result, degenerate_direction=along)
-        closure = closure_of(result, expected, config, scan=index, i=i, j=j)
+        views = keyframes.prepared(i).scan, keyframes.prepared(j).scan
+        closure = closure_of(result, expected, config, *views, scan=index, i=i, j=j)
         if guess and closure.is_accepted and closure.is_loop and along is not None:  # neighbours in a row err alike
-            views = (keyframes.prepared(k).scan for k in (i, j))
             closure = replace(closure, place=placed(UncertainPose(closure.pose, closure.covariance), along, *views))
         found.append(closure)
     return found
 
 
 def choose_candidates(
-    newest: int,
-    rows: Ints,
-    relative: Pose,
-    covariances: Cov,
-    config: SlamConfig,
-    profiles: Floats,
-    similarity: Floats | None = None,
+    newest: int, rows: Ints, seen: tuple[Pose, Cov], config: SlamConfig, profiles: Floats, alike: Floats | None = None
 ) -> list[Candidate]:
     """Return the keyframes to match with the newest one, the most promising first.
 
-    rows (n,) rising, relative (n, 3), covariances (n, 3, 3): of those that may lie near, and the newest one seen from
-    them; profiles: of all; similarity (n,): to the newest one; without it those of a known relative pose alone.
+    rows (n,) rising: of those that may lie near; seen: (n, 3) and (n, 3, 3), the newest one from them; profiles: of
+    all; alike (n,): similarity to the newest one; without it those of a known relative pose alone.
     """
-    rules = config.closures
+    rules, (relative, covariances) = config.closures, seen
     sigma = np.sqrt(np.diagonal(covariances + config.noise.spread, axis1=1, axis2=2)[:, :2].max(axis=1))
     distance = np.hypot(relative[:, 0], relative[:, 1])
     is_certain = sigma < rules.certain_m
@@ -280,7 +273,7 @@ def choose_candidates(
     overlap = predicted_overlap(profiles, rows[sure], relative[sure], profiles[newest], rules.min_overlap)
     sure, overlap = sure[overlap >= rules.min_overlap], overlap[overlap >= rules.min_overlap]
     chosen = sure[np.argsort(-overlap, kind="stable")][:_N_CERTAIN].tolist()
-    if similarity is not None:
-        vague = np.flatnonzero(is_near & ~is_certain & (similarity >= _MIN_SIMILARITY))
-        chosen += vague[np.argsort(-similarity[vague], kind="stable")][:_N_UNCERTAIN].tolist()
+    if alike is not None:
+        vague = np.flatnonzero(is_near & ~is_certain & (alike >= _MIN_SIMILARITY))
+        chosen += vague[np.argsort(-alike[vague], kind="stable")][:_N_UNCERTAIN].tolist()
     return [Candidate(int(rows[n]), newest, covariances[n]) for n in chosen]

@@ -35,6 +35,15 @@ _N_SLOTS = 2048
 """Directions that a view has, all around."""
 
 
+def within_sight(found: UncertainPose, along: Pose, reference: LaserScan, current: LaserScan) -> UncertainPose:
+    """Return a match with what it claims of the way that it leaves open: that both scans see one place."""
+    seen, other = (one.points[one.valid] for one in (reference, current))
+    x, y = seen @ along[:2], se2.transform(found.pose, other) @ along[:2]
+    # what they share falls from all to nothing as the one is moved past the other: a triangle
+    first, last = x.min() - y.max(), x.max() - y.min()
+    return _known_along(found, along, 0.5 * (first + last), (last - first) ** 2 / 24)
+
+
 def placed(found: UncertainPose, along: Pose, reference: LaserScan, current: LaserScan) -> UncertainPose | None:
     """Return where a match lies along the way that it leaves open, of `along_walls`; None where no scan tells."""
     poses = found.pose + _SHIFTS[:, np.newaxis] * along
@@ -43,9 +52,15 @@ def placed(found: UncertainPose, along: Pose, reference: LaserScan, current: Las
     if first == 0 or last == len(_SHIFTS) - 1 or last - first >= _N_WIDEST:
         return None
     low, high = _SHIFTS[[first - 1, last + 1]].tolist()
-    spread, width = found.covariance @ along, high - low  # twice what one errs by: places of a stretch err alike
-    cov = found.covariance - np.outer(spread, spread) / (along @ spread + width * width)
-    return UncertainPose(found.pose + 0.5 * (low + high) * along, cov)
+    # twice what one errs by: places of a stretch err alike
+    return _known_along(found, along, 0.5 * (low + high), (high - low) ** 2)
+
+
+def _known_along(found: UncertainPose, along: Pose, way: float, variance: float) -> UncertainPose:
+    """Return a match with another measurement of how far along it lies from where it is."""
+    spread = found.covariance @ along
+    gain = spread / (along @ spread + variance)
+    return UncertainPose(found.pose + way * gain, found.covariance - np.outer(gain, spread))
 
 
 def n_through(reference: LaserScan, current: LaserScan, poses: Pose) -> Ints:

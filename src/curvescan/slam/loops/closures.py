@@ -16,9 +16,11 @@ from numpy.typing import ArrayLike
 from curvescan.matchers import MatchResult
 from curvescan.matchers.result import log_odds
 from curvescan.odometry.measurement import as_measurement
+from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, fuse
 from curvescan.slam.config import ANYWHERE_M, SlamConfig
 from curvescan.slam.loops.cycles import difference
+from curvescan.slam.open_direction import within_sight
 from curvescan.types import Bools, Cov, Pose
 
 _N_NEIGHBOURS = 10
@@ -87,21 +89,22 @@ def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
 
 
 def closure_of(
-    result: MatchResult, expected: UncertainPose, config: SlamConfig, *, scan: int, i: int, j: int
+    result: MatchResult, expected: UncertainPose, config: SlamConfig, *views: LaserScan, scan: int, i: int, j: int
 ) -> Closure:
-    """Return the record of a match, and whether it alone is likely enough by where the graph expects it."""
+    """Return the record of a match of two views, and whether it alone is likely enough where the graph expects it."""
     tried = Closure(
         scan=scan, i=i, j=j, pose=result.pose, covariance=result.covariance, score=result.score,
         distance=math.nan, outcome=ClosureOutcome.NO_MATCH, confidence=result.confidence,
     )  # fmt: skip
     if not result.ok:
         return tried
-    found = as_measurement(result)
+    found = claimed = as_measurement(result)
     if (along := result.degenerate_direction) is not None:  # a corridor seen askew would push what stands afar
         tried = replace(tried, pose=result.pose + ((expected.pose - result.pose) @ along) * along)
+        claimed = within_sight(found, along, *views)  # speaks against it, and not for it: all of a corridor is alike
     distance = fuse(expected, found)[1]
-    off, is_open = difference(expected.pose, found.pose), along is not None
-    expectation = expectation_of(off, expected.covariance + found.covariance, config, is_open=is_open)
+    off = ((difference(expected.pose, one.pose), expected.covariance + one.covariance) for one in (found, claimed))
+    expectation = min(expectation_of(*one, config, is_open=along is not None) for one in off)
     tried = replace(tried, covariance=config.noise.edge(found.covariance), distance=distance, expectation=expectation)
     if expectation + tried.log_odds > config.closures.log_odds:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
