@@ -76,6 +76,15 @@ def test_a_slip_counts_along_the_way_and_not_where_the_sensor_then_faces():
     assert aside.slip == pytest.approx(0.02 / np.sqrt(2.0), rel=0.1)
 
 
+def test_wheels_without_an_error_do_not_stay_exact_for_ever():
+    wheels = Wheels(slip=0.03)
+    expected, config = UncertainPose(np.array([2.0, 0.0, 0.0]), 0.01 * np.eye(3)), MotionConfig(memory=1.0)
+    for _ in range(3):
+        wheels = wheels.learned(expected, expected.pose, config)
+    assert 0.0 < wheels.slip < 1e-5
+    assert wheels.learned(expected, np.array([2.1, 0.0, 0.0]), config).slip > wheels.slip
+
+
 def test_what_is_learned_is_a_new_value():
     before = Wheels(slip=0.03)
     expected = UncertainPose(np.array([1.0, 0.0, 0.0]), 0.01 * np.eye(3))

@@ -61,7 +61,8 @@ class Wheels(NamedTuple):
         if told.stretch < _STRETCH:
             return told
         error = 0.5 * (x * x + y * y) / (self.slip * told.stretch) ** 2
-        return told.interrupted()._replace(slip=self.slip * math.sqrt(_factor(error, config.memory)))
+        slip = max(self.slip * math.sqrt(_factor(error, config.memory)), 1e-6)
+        return told.interrupted()._replace(slip=slip)
 
     def _learned_noise(self, expected: UncertainPose, motion: Pose, memory: float) -> tuple[float, float]:
         """Return the noise after one more error."""
