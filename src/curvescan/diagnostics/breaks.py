@@ -21,7 +21,7 @@ from curvescan.scan import LaserScan
 from curvescan.slam import Slam
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import contour_length
-from curvescan.slam.localization.field import field_of, fields_of, lasting_points
+from curvescan.slam.localization.field import fields_of, lasting_points
 from curvescan.slam.localization.search import MapSearch, said
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
@@ -81,10 +81,10 @@ def find_ambiguous(record: RunRecord, slam_map: SlamMap) -> list[Break]:
     if not views:
         return []
     n_known = np.searchsorted(scans, [max(k - _N_SCANS, 0) for k in views], side="right").tolist()
-    keyframes, resolution = Keyframes(find_matcher(DEFAULT_METHOD)), field_of(slam_map).resolution
+    keyframes = Keyframes(find_matcher(DEFAULT_METHOD))
     keyframes.add_all(slam_map)
     found = []
-    for k, n, field in zip(views, n_known, fields_of(slam_map, n_known, resolution), strict=True):
+    for k, n, field in zip(views, n_known, fields_of(slam_map, n_known), strict=True):
         search = MapSearch(field, slam_map.poses[:n], keyframes)
         if not any(_tells(search, slam_map.scans[row], slam_map.poses[row]) for row in views[k]):
             found.append(Break("ambiguous", k, k, 0.0))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import curvescan as cs
 from curvescan import se2
 from curvescan.editing.operations import part_of
+from curvescan.mapping import occupancy
 from curvescan.slam import SlamMap
 from curvescan.slam.localization.field import (
     ON_WALL_M,
@@ -122,9 +125,20 @@ def test_what_most_beams_pass_is_a_wall_and_not_solid() -> None:
 def test_the_fields_of_a_map_as_it_grew_are_those_of_its_parts() -> None:
     stored = cs.load_map(FILE)
     numbers = [1, 3, 3, len(stored)]
-    for n, grown in zip(numbers, fields_of(stored, numbers, 0.05), strict=True):
+    for n, grown in zip(numbers, fields_of(stored, numbers), strict=True):
         alone = field_of(part_of(stored, np.arange(n)))
         assert all(np.array_equal(one, other) for one, other in zip(grown, alone, strict=True))
+
+
+def test_a_map_that_is_too_large_has_larger_cells_from_the_keyframe_on_that_makes_it_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    near = _ring_map(np.full(360, 2.0), np.full(360, 2.0))
+    far = replace(near, poses=np.array([[0.0, 0.0, 0.0], [50.0, 50.0, 0.0]]))
+    monkeypatch.setattr(occupancy, "MAX_BYTES", 1 << 20)  # 23 m by 23 m in cells of 5 cm
+    one, both = fields_of(far, [1, 2])
+    assert (one.resolution, both.resolution) == (0.05, 0.2)
+    assert all(np.array_equal(*pair) for pair in zip(both, field_of(far), strict=True))
 
 
 @pytest.mark.parametrize("way", [1, -1])

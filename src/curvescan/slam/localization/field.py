@@ -8,7 +8,7 @@ Robotics", 2005, section 6.4, with the free space that it leaves out).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from itertools import islice, pairwise
 from typing import NamedTuple
@@ -81,24 +81,23 @@ def lasting_points(scan: LaserScan) -> Points:
 
 def field_of(slam_map: SlamMap) -> DistanceField:
     """Return the field of a map, from its keyframes."""
-    resolution = OccupancyConfig().resolution
-    while True:
-        try:
-            return next(fields_of(slam_map, [len(slam_map)], resolution))
-        except MapTooLargeError:
-            resolution *= 2.0
+    return next(fields_of(slam_map, [len(slam_map)]))
 
 
-def fields_of(slam_map: SlamMap, numbers: Iterable[int], resolution: float) -> Iterator[DistanceField]:
-    """Yield the field of so many first keyframes of a map, for each of some rising numbers."""
+def fields_of(slam_map: SlamMap, sizes: list[int], cell: float = OccupancyConfig.resolution) -> Iterator[DistanceField]:
+    """Yield the field of so many first keyframes of a map, for each of some rising sizes."""
     # beams without a return clear no cell: black walls and glass swallow them as space does
-    cells = partial(OccupancyConfig, clear_no_return=False, resolution=resolution)
+    cells = partial(OccupancyConfig, clear_no_return=False, resolution=cell)
     worn, solid = OccupancyBuilder(cells(miss=_WORN, free_to=_FREE)), OccupancyBuilder(cells())
     keyframes = zip(slam_map.scans, slam_map.poses, strict=True)
-    for before, n in pairwise((0, *numbers)):
-        for keyframe in islice(keyframes, n - before):
-            worn.add(*keyframe)
-            solid.add(*keyframe)
+    for k, (before, n) in enumerate(pairwise((0, *sizes))):
+        try:
+            for keyframe in islice(keyframes, n - before):
+                worn.add(*keyframe)
+                solid.add(*keyframe)
+        except MapTooLargeError:
+            yield from fields_of(slam_map, sizes[k:], 2.0 * cell)
+            return
         yield field_of_grid(worn.grid(is_last=True), solid.grid(is_last=True).is_occupied)  # which keeps neither
 
 
