@@ -106,3 +106,19 @@ def test_the_configuration_of_an_odometry_is_its_own():
 def test_every_method_takes_an_empty_mapping(method):
     pytest.importorskip("scipy", reason="icp needs SciPy")
     assert cs.Odometry(method, matcher={}).matcher.config == cs.Odometry(method).matcher.config
+
+
+@pytest.mark.parametrize(
+    ("given", "rule"),
+    [
+        ({"keyframes": {"n_lost": 0}}, "n_lost must be at least 1, got 0"),
+        ({"places": {"n_keyframes": 0}}, "n_keyframes must be at least 1, got 0"),
+        ({"closures": {"matches_per_scan": -1}}, "matches_per_scan must be at least 1, got -1"),
+        ({"keyframes": {"turn": 0.0}}, "turn must be > 0, got 0.0"),
+        ({"noise": {"slip": -0.1}}, "slip must be > 0, got -0.1"),
+        ({"odometry": {"motion": {"wheel_slip": 0.0}}}, "wheel_slip must be > 0, got 0.0"),
+    ],
+)
+def test_what_slam_counts_is_one_at_least_and_what_it_measures_positive(given, rule):
+    with pytest.raises(cs.InvalidArgumentError, match=rule):
+        cs.Slam(config=given)

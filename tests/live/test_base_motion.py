@@ -61,7 +61,7 @@ def step_of(pose, covariance, moved):
         covariance_odom=covariance,
         motion=moved,
         motion_covariance=covariance,
-        velocity=np.zeros(3),
+        seconds=0.0,
         outcome=StepOutcome.MATCHED,
         match=None,
         reference=None,

@@ -15,7 +15,6 @@ from curvescan.diagnostics.inspect import are_leaps
 from curvescan.diagnostics.motion_prior import SURE
 from curvescan.engines import RunRecord
 from curvescan.io.log import Log
-from curvescan.matchers import DEFAULT_METHOD, find_matcher
 from curvescan.odometry.step import StepOutcome
 from curvescan.scan import LaserScan
 from curvescan.slam import Slam
@@ -67,10 +66,10 @@ def find_untied(record: RunRecord, wheels: Pose, log: Log, slam_map: SlamMap) ->
     return [Break("untied", k, k, 0.0) for k in begins if 2 * log[k].valid.sum() > record.n_matched[k - 1]]
 
 
-def find_ambiguous(record: RunRecord, slam_map: SlamMap) -> list[Break]:
+def find_ambiguous(record: RunRecord, slam_map: SlamMap, keyframes: Keyframes) -> list[Break]:
     """Return where a track was joined that was lost, or in doubt, in a place like others.
 
-    There nothing seen since matches tied it to what was before tells its place there from others.
+    There nothing seen since matches tied it to what was before tells its place there from others; keyframes: the map's.
     """
     views: dict[int, list[int]] = {}
     for k, n_least in sorted(joins_in_doubt(record)):
@@ -81,8 +80,6 @@ def find_ambiguous(record: RunRecord, slam_map: SlamMap) -> list[Break]:
     if not views:
         return []
     n_known = np.searchsorted(scans, [max(k - _N_SCANS, 0) for k in views], side="right").tolist()
-    keyframes = Keyframes(find_matcher(DEFAULT_METHOD))
-    keyframes.add_all(slam_map)
     found = []
     for k, n, field in zip(views, n_known, fields_of(slam_map, n_known), strict=True):
         search = MapSearch(field, slam_map.poses[:n], keyframes)

@@ -228,7 +228,7 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
         if wheels is not None and log is not None:
             breaks += find_untied(record, wheels, log, engine.map)
         if n_parts == 1 and joins_in_doubt(record):  # the map takes its time
-            breaks += find_ambiguous(record, engine.map)
+            breaks += find_ambiguous(record, engine.map, engine.keyframes)
     return replace(evidence, breaks=tuple(breaks))
 
 

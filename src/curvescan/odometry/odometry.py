@@ -137,7 +137,7 @@ def _as_step(observation: Observation, placement: Placement) -> Step:
         covariance_odom=pose_map_scan.covariance.copy(),
         motion=placement.step_motion.pose.copy(),
         motion_covariance=placement.step_motion.covariance.copy(),
-        velocity=observation.prediction.deskewer.velocity(placement.step_motion.pose),
+        seconds=observation.prediction.deskewer.seconds,
         outcome=placement.outcome,
         match=placement.match,
         reference=placement.reference,

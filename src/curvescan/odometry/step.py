@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from curvescan.deskew import predicted_velocity
 from curvescan.matchers import MatchResult
 from curvescan.se2 import is_positive_definite
 from curvescan.se2.uncertain import UncertainPose, between, eigen3
@@ -68,9 +69,8 @@ class Step:
         continuous track. Zero at the first scan.
     motion_covariance : (3, 3) float64
         Covariance of the motion; very wide where the outcome is LOST.
-    velocity : (3,) float64
-        [vx, vy, omega] of the sensor, m/s, m/s, rad/s, by the motion and the usual time between scans, with which a
-        sweep is deskewed; zero where stamps do not tell it.
+    seconds : float
+        What the motion took, a whole number of the usual times between two scans; 0 where stamps do not tell it.
     outcome : StepOutcome
         How the pose came about.
     match : MatchResult or None
@@ -106,7 +106,7 @@ class Step:
     covariance_odom: Cov
     motion: Pose
     motion_covariance: Cov
-    velocity: Floats
+    seconds: float
     outcome: StepOutcome
     match: MatchResult | None
     reference: int | None
@@ -123,6 +123,11 @@ class Step:
     def ok(self) -> bool:
         """Whether the pose is known: not while the sensor is searched for in a saved map."""
         return self.outcome is not StepOutcome.SEARCHING
+
+    @property
+    def velocity(self) -> Floats:
+        """(3,) [vx, vy, omega] of the sensor, m/s, m/s, rad/s, to deskew the sweep with; 0 where stamps do not tell."""
+        return predicted_velocity(self.motion, self.seconds)
 
     @property
     def is_driven(self) -> bool:

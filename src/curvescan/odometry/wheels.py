@@ -1,7 +1,7 @@
 """Wheels: what matches tell of another odometry, its noise, its scale, and how much it slips.
 
 All three are learned from the drive itself, where a match measures the whole of a motion that the other odometry was
-asked for: real wheels slip by 1.3 to 4.5 % of the way, and no one figure serves them.
+asked for: real wheels slip by 2 to 5 % of the way, and no one figure serves them.
 """
 
 from __future__ import annotations

@@ -144,4 +144,5 @@ class SlamConfig:
 
 def _require_positive(config: object, *names: str) -> None:
     for name in names:
-        require(getattr(config, name) > 0.0, f"{name} must be > 0", getattr(config, name))
+        value, is_count = getattr(config, name), isinstance(getattr(type(config), name), int)
+        require(value >= 1 if is_count else value > 0.0, f"{name} must be {'at least 1' if is_count else '> 0'}", value)
