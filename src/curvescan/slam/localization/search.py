@@ -127,7 +127,7 @@ class MapSearch:
         missed = supports.min(axis=0) if len(supports) else np.zeros(2)
         new: list[Place] = []
         for k, (pose, likely) in enumerate(zip(poses, self.known(prior, poses).tolist(), strict=True)):
-            if any(is_same(pose, place.pose) for place in new):
+            if new and is_same(pose, np.array([place.pose for place in new])).any():
                 continue
             # a match with a keyframe tells more than the walls of a map that is bent, or has changed
             score = max((hit.score for hit in matched if is_same(hit.here.pose, pose)), default=0.0)
