@@ -242,9 +242,23 @@ NAMED = (
     _named(
         "what leaves a way open helps what does not",
         "slam/loops/agreement.py",
-        "before = np.flatnonzero(whole[:-1] == whole[-1])",
-        "before = np.arange(last)",
+        "alike = (whole == whole[-1]) & ~np",
+        "alike = ~np",
         "slam/test_agreement.py",
+    ),
+    _named(
+        "what was accepted counts once more for what is new",
+        "slam/loops/agreement.py",
+        " & ~np.array([c.is_accepted for c in pool])",
+        "",
+        "slam/test_agreement.py",
+    ),
+    _named(
+        "of a lost track the search knows nothing",
+        "slam/pose_graph/graph.py",
+        "return covariances - is_lost(covariances)[:, np.newaxis, np.newaxis] * LOST_COVARIANCE",
+        "return covariances.copy()",
+        "slam/test_growing_map.py",
     ),
     _named(
         "a step that slipped loses its weight for good",

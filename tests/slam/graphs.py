@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
+from curvescan.odometry.step import Step, StepOutcome
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges, linearized
 from curvescan.types import Pose
@@ -68,3 +69,12 @@ def dense_information(poses: np.ndarray, edges: Edges, weights: np.ndarray, anch
     found[held], found[:, held] = 0.0, 0.0
     found[held, held] = 1.0
     return found
+
+
+def step_of(index: int, outcome: StepOutcome = StepOutcome.MATCHED) -> Step:
+    """Return a step of an odometry without wheels; where it led is not in it."""
+    return Step(
+        index=index, stamp=np.nan, pose=np.zeros(3), covariance=np.eye(3), pose_odom=np.zeros(3),
+        covariance_odom=np.eye(3), motion=np.zeros(3), motion_covariance=np.eye(3), seconds=0.0, outcome=outcome,
+        match=None, reference=None,
+    )  # fmt: skip

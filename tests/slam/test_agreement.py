@@ -12,7 +12,7 @@ import pytest
 from curvescan import se2
 from curvescan.slam import SlamConfig
 from curvescan.slam.loops.agreement import MOST_LOG_ODDS, best_group, largest_clique
-from curvescan.slam.loops.closures import Closure, ClosureOutcome
+from curvescan.slam.loops.closures import MOST_ODDS, Closure, ClosureOutcome
 from curvescan.slam.loops.cycles import Chain
 from curvescan.types import Pose
 
@@ -51,10 +51,12 @@ def test_views_a_step_apart_say_little_more_than_one() -> None:
     np.testing.assert_allclose([one - 3.0, near - 3.0, far - 3.0], [own, 1.25 * own, 2.0 * own])
 
 
-def test_a_stretch_that_looks_alike_is_no_surer_the_longer_it_is() -> None:
-    n, odds = _lead([_closure(k, 20 + k, ROOM) for k in range(0, 20, 2)])
+@pytest.mark.parametrize(("confidence", "share"), [(0.999, 1.0), (0.95, math.log(19.0) / MOST_ODDS)])
+def test_a_stretch_that_looks_alike_is_no_surer_the_longer_it_is(confidence: float, share: float) -> None:
+    """Nor does it say more than its surest match lets it: one among pillars on a grid, all in doubt, none."""
+    n, odds = _lead([_closure(k, 20 + k, ROOM, confidence=confidence) for k in range(0, 20, 2)])
     assert n == 10
-    np.testing.assert_allclose(odds, MOST_LOG_ODDS + 3.0)
+    np.testing.assert_allclose(odds, share * MOST_LOG_ODDS + 3.0)
 
 
 @pytest.mark.parametrize("expectation", [-1.0, 0.0, 2.8])
@@ -65,15 +67,29 @@ def test_corridors_that_look_alike_all_along_close_nothing_that_the_graph_does_n
     n, odds = _lead(pool)
     assert n == 10
     np.testing.assert_allclose(odds, CONFIG.closures.log_odds + expectation)
+    # and in doubt, each of them, they say less than that
+    n, odds = _lead([replace(c, confidence=0.75) for c in pool])
+    assert n == 10
+    np.testing.assert_allclose(odds, MOST_LOG_ODDS * math.log(3.0) / MOST_ODDS + expectation)
 
 
-def test_of_a_set_the_graph_has_to_expect_what_is_new() -> None:
-    """What was accepted was expected: it may not bring in what the graph does not expect."""
-    accepted = [replace(_closure(i, i + 30, expectation=12.0), outcome=ClosureOutcome.ACCEPTED) for i in (0, 2, 4)]
-    n, lead = _lead([*accepted, _closure(6, 36, expectation=-8.0, confidence=0.55)])
-    assert n == 4
-    assert lead < CONFIG.closures.log_odds
-    assert _lead([*accepted, _closure(6, 36, expectation=3.0)])[1] > CONFIG.closures.log_odds
+def test_what_was_accepted_says_nothing_for_what_is_new() -> None:
+    """A hotel: by what the graph had, one match at a time of the next room came in. It counts in what it expects."""
+    accepted = [replace(_closure(i, i + 30, expectation=6.0), outcome=ClosureOutcome.ACCEPTED) for i in (0, 2, 4)]
+    new = _closure(6, 36, expectation=3.0)
+    assert _lead([*accepted, new]) == _lead([new])
+
+
+@pytest.mark.parametrize(("least", "n"), [(-2.0, 4), (-8.0, 1)])
+def test_a_set_is_as_likely_as_the_graph_expects_the_least_of_it(least: float, n: int) -> None:
+    """And what lies where the graph expects it is no reason for what does not: a vague way lets both agree."""
+    pool = [_closure(i, i + 30, expectation=3.0) for i in (0, 4, 8)]
+    new = _closure(12, 38, expectation=least)
+    n_members, odds = _lead([*pool, new])
+    assert n_members == n
+    assert odds - least == pytest.approx(
+        _lead([*pool, replace(new, expectation=3.0)])[1] - 3.0 if n > 1 else new.log_odds
+    )
 
 
 def test_what_contradicts_a_set_has_its_own_odds() -> None:

@@ -99,14 +99,18 @@ def test_what_looks_alike_is_a_candidate_up_to_five_standard_deviations_from_wit
     profiles = np.tile(range_profile(hall[0]), (20, 1, 1))
     assert _is_candidate(distance, 2.0, profiles, np.ones(19)) is is_chosen
     assert not _is_candidate(distance, 2.0, profiles, np.zeros(19))
+    # one of another part of the map, whose track was lost, may be anywhere
+    assert _is_candidate(distance, 0.02, profiles, np.ones(19), is_apart=True)
 
 
-def _is_candidate(distance: float, sigma: float, profiles: Floats, similarity: Floats | None = None) -> bool:
+def _is_candidate(
+    distance: float, sigma: float, profiles: Floats, similarity: Floats | None = None, *, is_apart: bool = False
+) -> bool:
     """Return whether one of 19 keyframes is asked, metres off by the graph, which knows it so well, metres."""
     relative = np.tile([60.0, 0.0, 0.0], (19, 1))
     relative[2] = distance, 0.0, np.pi
     covariances = np.tile(np.diag(np.square([sigma, sigma, 0.02])), (19, 1, 1))
-    chosen = choose_candidates(19, np.arange(19), (relative, covariances), SlamConfig(), profiles, similarity)
+    chosen = choose_candidates(19, np.arange(19), (relative, covariances), SlamConfig(), profiles, similarity, is_apart)
     return 2 in [c.i for c in chosen]
 
 
@@ -171,6 +175,20 @@ def test_behind_a_turn_that_nobody_saw_the_heading_found_tells_the_place(result:
     # corridors run side by side, whatever their heading
     one, another = (expectation_of(np.zeros(3), cov, SlamConfig(), is_open=is_open) for is_open in (True, False))
     assert one < another - 1.0
+
+
+def test_a_lost_sensor_went_on_or_was_carried_anywhere() -> None:
+    """Where it went on it is as likely as without the loss; 8 m off it is no slip, and no one match shows it."""
+    cov, config = np.diag([0.04, 0.04, 0.01]), SlamConfig()
+    here, off = np.zeros(3), np.array([8.0, 0.0, 0.0])
+    on, away, slipped = (
+        expectation_of(where, cov, config, is_open=False, is_apart=is_apart)
+        for where, is_apart in ((here, True), (off, True), (off, False))
+    )
+    assert on == expectation_of(here, cov, config, is_open=False) > 5.0
+    assert slipped < away < 0.0
+    farther = expectation_of(2.0 * off, cov, config, is_open=False, is_apart=True)
+    assert farther == pytest.approx(away, abs=0.2)
 
 
 def test_neighbours_are_not_tied_where_nothing_tells_how_they_lie(result: MatchResult) -> None:

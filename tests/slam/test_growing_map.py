@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers import find_matcher
+from curvescan.odometry.gaps import LOST_COVARIANCE
+from curvescan.odometry.step import StepOutcome
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.simulation import World
 from curvescan.slam import SlamConfig
@@ -16,7 +19,8 @@ from curvescan.slam.growing_map import GrowingMap, solve
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
 from curvescan.slam.loops.cycles import Chain
-from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, is_lost
+from tests.slam.graphs import step_of
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +35,9 @@ def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() 
     # one of the drives whose matches do not leave the half turn open: a third do
     scans = list(cs.simulate(walls, sensor="spinning-360", poses=poses, odometry_noise=None, seed=6))
     growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
-    growing.start(scans[0], 0, np.zeros(3))
+    growing.start(scans[0], 0)
     for k in (1, 2, 3):
-        growing.append(scans[k], k, UncertainPose(np.array([0.45, 0.05, 0.05]), np.diag([0.01, 0.01, 0.01])))
+        growing.append(scans[k], step_of(k), UncertainPose(np.array([0.45, 0.05, 0.05]), np.diag([0.01, 0.01, 0.01])))
     graph = growing.graph
     assert (graph.kinds == EdgeKind.MOTION).all()
     np.testing.assert_allclose(graph.measured, [[0.45, 0.0, 0.0]] * 3, atol=0.03)
@@ -42,10 +46,6 @@ def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() 
     assert sigma[:, 2].max() < 0.01
     # what the odometry may slip grows with the way
     assert (np.diff(sigma[:, 0]) > 0.0).all()
-    # and is that of the new part alone where a lost track begins anew
-    growing.start(scans[0], 4, np.zeros(3))
-    growing.append(scans[1], 5, UncertainPose(np.array([0.45, 0.05, 0.05]), np.diag([0.01, 0.01, 0.01])))
-    assert graph.edge_covariances[-1, 0, 0] == pytest.approx(graph.edge_covariances[0, 0, 0], rel=1e-6)
 
 
 def test_where_wheels_drive_along_a_motion_may_slip_as_they_do() -> None:
@@ -62,10 +62,12 @@ def test_a_motion_is_doubted_as_far_as_it_may_have_slipped(
 ) -> None:
     """A match that is as likely as not tells of a slip where it is decimetres off, and of another room where one is."""
     growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
-    growing.start(scans[0], 0, np.zeros(3))
+    growing.start(scans[0], 0)
     seen = replace(growing.keyframes.match(0, growing.keyframes.prepare(scans[1]), None), confidence=0.52)
     monkeypatch.setattr(growing.keyframes, "match", lambda *_: seen)
-    growing.append(scans[1], 1, UncertainPose(seen.pose + np.array([off, 0.0, 0.0]), np.diag([0.0025, 0.0025, 1e-4])))
+    growing.append(
+        scans[1], step_of(1), UncertainPose(seen.pose + np.array([off, 0.0, 0.0]), np.diag([0.0025, 0.0025, 1e-4]))
+    )
     assert growing.graph.kinds[0] == EdgeKind.MOTION
     assert least < np.sqrt(growing.graph.edge_covariances[0, 0, 0]) < most
 
@@ -73,10 +75,10 @@ def test_a_motion_is_doubted_as_far_as_it_may_have_slipped(
 def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(scans: list[cs.LaserScan]) -> None:
     """A closure moves the keyframes from its own on, which then come apart from those before."""
     growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
-    growing.start(scans[0], 0, np.zeros(3))
+    growing.start(scans[0], 0)
     for k in (1, 2, 1, 2):
         motion = UncertainPose(np.array([0.5, 0.0, 0.0]), np.diag([0.01, 0.01, 0.001]))
-        growing.append(scans[k], k, motion)
+        growing.append(scans[k], step_of(k), motion)
     before = growing.graph.poses.copy()
     chain = growing.chain().poses
     closure = Closure(
@@ -91,13 +93,13 @@ def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(scans: lis
 
 def test_the_chain_of_a_map_that_is_continued_is_that_of_its_edges(scans: list[cs.LaserScan]) -> None:
     made = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
-    made.start(scans[0], 0, np.zeros(3))
+    made.start(scans[0], 0)
     for k in (1, 2, 1):
         motion = UncertainPose(np.array([0.5, 0.1, 0.2]), np.diag([0.01, 0.02, 0.001]))
-        made.append(scans[k], k, motion)
+        made.append(scans[k], step_of(k), motion)
     continued = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
     continued.load(made.snapshot())
-    k = continued.start(scans[0], 9, np.zeros(3))
+    k = continued.start(scans[0], 9)
     graph, chain = made.graph, continued.chain()
     steps = np.zeros((k, 3, 3))
     steps[graph.ends[:, 1]] = graph.edge_covariances  # the last edge to a keyframe counts
@@ -127,8 +129,8 @@ def test_a_turn_that_no_match_saw_is_the_less_known_the_more_scans_lie_between(s
     found = []
     for index, scan in ((1, blind), (10, blind), (10, scans[0])):
         growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
-        growing.start(scans[0], 0, np.zeros(3))
-        growing.append(scan, index, motion)
+        growing.start(scans[0], 0)
+        growing.append(scan, step_of(index), motion)
         found.append(growing.graph.edge_covariances[0])
     one, many, matched = found
     np.testing.assert_allclose(many[2, 2] / one[2, 2], 10.0, rtol=1e-3)
@@ -140,12 +142,12 @@ def test_a_turn_that_no_match_saw_is_the_less_known_the_more_scans_lie_between(s
 
 def test_what_came_since_the_last_optimization_is_known_by_the_way_between(scans: list[cs.LaserScan]) -> None:
     growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
-    growing.start(scans[0], 0, np.zeros(3))
+    growing.start(scans[0], 0)
     for k in (1, 2, 1, 2):
-        growing.append(scans[k], k, UncertainPose(np.array([0.5, 0.1, 0.3]), np.diag([0.01, 0.02, 0.001])))
+        growing.append(scans[k], step_of(k), UncertainPose(np.array([0.5, 0.1, 0.3]), np.diag([0.01, 0.02, 0.001])))
     growing.adopt(*solve(growing.graph, growing.config.noise, is_last=False))
     for k in (1, 2):
-        growing.append(scans[k], k, UncertainPose(np.array([0.5, 0.1, 0.3]), np.diag([0.01, 0.02, 0.001])))
+        growing.append(scans[k], step_of(k), UncertainPose(np.array([0.5, 0.1, 0.3]), np.diag([0.01, 0.02, 0.001])))
     rows = np.array([0, 2, 4, 5])
     relative, covariances = growing.seen_from(rows)
     np.testing.assert_allclose(relative, cs.se2.between(growing.graph.poses[rows], growing.graph.poses[6]))
@@ -165,3 +167,36 @@ def test_what_came_since_the_last_optimization_is_known_by_the_way_between(scans
     growing.close(closure)
     assert growing.is_revised
     assert np.hypot(*(growing.graph.poses[6] - before[6])[:2]) > 0.1
+
+
+def test_where_a_track_was_lost_both_that_it_went_on_and_that_it_was_carried_away_are_kept(
+    scans: list[cs.LaserScan],
+) -> None:
+    blind = cs.LaserScan(np.full(181, np.nan), angle_min=-np.pi / 2, angle_increment=np.pi / 180)
+    motion = UncertainPose(np.array([0.5, 0.1, 0.3]), np.diag([0.01, 0.02, 0.001]))
+    growing, tracked = (GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig()) for _ in range(2))
+    for one, outcome in ((growing, StepOutcome.LOST), (tracked, StepOutcome.PREDICTED)):
+        one.start(blind, 0)
+        one.append(blind, step_of(1), motion)
+        one.append(blind, step_of(2, outcome), motion)
+    assert growing.fragments == [0, 0, 1]
+    assert tracked.fragments == [0, 0, 0]
+    # the map says that nothing is known of the way
+    np.testing.assert_array_equal(is_lost(growing.graph.edge_covariances), [False, True])
+    np.testing.assert_allclose(
+        growing.current_in_map().covariance, tracked.current_in_map().covariance + LOST_COVARIANCE
+    )
+    # the search for closures has where it went on, before and after an optimization, and in a map that is loaded
+    for _ in range(2):
+        for found, wanted in zip(growing.seen_from(np.arange(2)), tracked.seen_from(np.arange(2)), strict=True):
+            np.testing.assert_allclose(found, wanted, atol=1e-9)
+        for one in (growing, tracked):
+            one.adopt(*solve(deepcopy(one.graph), one.config.noise, is_last=False))
+    assert is_lost(growing.graph.edge_covariances).any()
+    continued = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
+    continued.load(growing.snapshot())
+    assert continued.fragments == growing.fragments
+    # a match ties it, as it ties any step
+    growing.append(scans[0], step_of(3), motion)
+    growing.append(scans[0], step_of(4, StepOutcome.LOST), UncertainPose(np.zeros(3), motion.covariance))
+    assert growing.fragments == [0, 0, 1, 1, 1]

@@ -17,6 +17,7 @@ from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import LoopSearch, matched
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
+from tests.slam.graphs import step_of
 
 N_LAP = 16
 WAITS = Closure(
@@ -30,11 +31,11 @@ def driven(off: float) -> GrowingMap:
     log = cs.simulate("office", n_scans=6 * N_LAP, seed=4)
     scans, poses = list(log)[::6], log.truth.poses[::6]
     growing = GrowingMap(Keyframes(find_matcher("curvescan")), SlamConfig())
-    growing.start(scans[0], 0, np.zeros(3))
+    growing.start(scans[0], 0)
     order = [*range(N_LAP), *range(5)]
     for before, k in pairwise(order):
         motion = se2.between(poses[before], poses[k]) + np.array([off * (k < before), 0.0, 0.0])
-        growing.append(scans[k], k, UncertainPose(motion, np.diag([0.01, 0.01, 0.001])))
+        growing.append(scans[k], step_of(k), UncertainPose(motion, np.diag([0.01, 0.01, 0.001])))
     return growing
 
 

@@ -10,6 +10,7 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import PlacesConfig, SlamConfig
 from curvescan.slam.pose_graph.cholesky import Elimination
@@ -89,6 +90,11 @@ def test_the_heir_is_one_of_the_place_that_a_closure_ties_best() -> None:
     assert tie is not None
     assert graph.ends[tie].tolist() == [3, 3 + _N // 2]
     assert best_tie(graph, 4, np.array([30])) is None
+    # one behind which the track was lost keeps the step that says so
+    rows = (graph.ends == [3, 4]).all(axis=1)
+    assert rows.any()
+    graph.edge_covariances[rows] += LOST_COVARIANCE
+    assert best_tie(graph, 3, np.array([3 + _N // 2, 30])) is None
 
 
 def _without(graph: PoseGraph, v: int) -> UncertainPose:

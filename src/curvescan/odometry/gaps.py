@@ -8,7 +8,6 @@ place in the old one unknown.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -42,7 +41,7 @@ def open_gap(o: Observation, last: Localization, log_odds: float = 0.0) -> Gap |
     before = [k for k in (keyframe, o.state.older) if k is not None and o.matching.can_be_reference(k.scan)]
     if previous is not None and previous is not keyframe.scan:
         before.insert(0, last.as_keyframe(previous, o.index - 1, config.variance_retained))
-    return Gap(before=tuple(before[:2]), n_scans=1, first=o.index, log_odds=log_odds) if before else None
+    return Gap(before=tuple(before[:2]), n_scans=1, log_odds=log_odds) if before else None
 
 
 def settle_gap(o: Observation, placement: Placement, *, is_counted: bool = True) -> Placement:
@@ -63,7 +62,7 @@ def settle_gap(o: Observation, placement: Placement, *, is_counted: bool = True)
         return placement._replace(gap=gap._replace(n_scans=n_scans, log_odds=log_odds))
     if o.prediction.is_measured or log_odds > 0.0:  # wheels or the motions since carried the track
         return placement._replace(gap=None)
-    return with_keyframe(o, _lost(placement, gap))
+    return with_keyframe(o, _lost(placement))
 
 
 def question_link(o: Observation, placement: Placement, last: Localization, log_odds: float) -> Placement | None:
@@ -106,18 +105,13 @@ def _best_match(o: Observation, placement: Placement, gap: Gap) -> tuple[GatedMa
     return best, said, keyframe
 
 
-def _lost(placement: Placement, gap: Gap) -> Placement:
+def _lost(placement: Placement) -> Placement:
     """Return the placement as the begin of a new track: how it lies to the old one is unknown."""
     here, motion = placement.localization.pose_keyframe_scan, placement.step_motion
-    keyframe = placement.localization.keyframe
-    if keyframe.index < gap.first:
-        here = UncertainPose(here.pose, here.covariance + LOST_COVARIANCE)
-    else:  # it is of the new track, and is disconnected with it
-        pose, cov = keyframe.pose_map_keyframe
-        keyframe = replace(keyframe, pose_map_keyframe=UncertainPose(pose, cov + LOST_COVARIANCE))
+    unknown = UncertainPose(here.pose, here.covariance + LOST_COVARIANCE)
     return placement._replace(
         outcome=StepOutcome.LOST,
-        localization=Localization(keyframe=keyframe, pose_keyframe_scan=here),
+        localization=Localization(placement.localization.keyframe, unknown),
         step_motion=UncertainPose(motion.pose, motion.covariance + LOST_COVARIANCE),
         gap=None,
     )

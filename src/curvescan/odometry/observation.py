@@ -57,7 +57,6 @@ class Gap(NamedTuple):
     # the references from before the gap: the last scan and the keyframe in use, where they can be; else the one before
     before: tuple[Keyframe, ...]
     n_scans: int  # scans in the gap that have readings enough to be matched
-    first: int  # number of the first scan in the gap
     log_odds: float = 0.0  # that the sensor is still near, by the matches since
 
 

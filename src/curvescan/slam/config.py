@@ -32,7 +32,7 @@ class MapKeyframesConfig:
     turn: float = 0.5
     """A new keyframe is due when the sensor has turned by this much, radians."""
     n_lost: int = 8
-    """Scans in a row that neither a match nor wheels place, after which the next keyframe begins a fragment."""
+    """Scans in a row that nothing places, after which a localizer looks for the sensor anew."""
 
     def __post_init__(self) -> None:
         _require_positive(self, "distance", "turn", "n_lost")

@@ -15,6 +15,7 @@ from curvescan import se2
 from curvescan.matchers.result import WIDE_SIGMA, log_odds
 from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.odometry.measurement import CERTAIN, as_measurement
+from curvescan.odometry.step import Step, StepOutcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.config import GATE, NoiseConfig, SlamConfig
@@ -23,7 +24,7 @@ from curvescan.slam.loops.closures import Closure
 from curvescan.slam.loops.cycles import Chain, difference
 from curvescan.slam.loops.marginals import Marginals, composed_covariances
 from curvescan.slam.map import SlamMap
-from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, components
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, as_if_tracked, components, is_lost
 from curvescan.slam.pose_graph.posterior import covariances_seen_from
 from curvescan.slam.pose_graph.robust import optimized
 from curvescan.slam.thinning import Removed, thin, with_gone
@@ -47,6 +48,7 @@ def solve(graph: PoseGraph, noise: NoiseConfig, is_last: bool) -> tuple[PoseGrap
         freed = optimized(graph, weights=held.weights, least_convexity=_NEARBY)
         optimum = min(optimum, freed, key=lambda one: one.costs.sum())
     graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
+    graph.edge_covariances[:] = as_if_tracked(graph.edge_covariances)
     return graph, covariances_seen_from(graph, graph.n_poses - 1, noise)
 
 
@@ -73,50 +75,53 @@ class GrowingMap:
         self._session = slam_map.n_sessions
         self.graph = slam_map.graph()
         self._steps = steps_of(self.graph)
-        self.fragments = components(self.graph.ends, self.graph.n_poses).tolist()
+        ties = self.graph.ends[~is_lost(self.graph.edge_covariances)]
+        self.fragments = components(ties, self.graph.n_poses).tolist()
 
-    def start(self, scan: LaserScan, index: int, pose: Pose) -> int:
-        """Begin a fragment: take a keyframe that nothing ties to those before it, and return its row."""
+    def start(self, scan: LaserScan, index: int) -> int:
+        """Begin a drive: take a keyframe that nothing ties to those of the map, and return its row."""
         k = self.keyframes.add(scan, index, self._session)
-        self.graph.add_pose(pose)
+        self.graph.add_pose(np.zeros(3))
         self._steps.append(UncertainPose(np.zeros(3), LOST_COVARIANCE.copy()))
         self.fragments.append(max(self.fragments, default=-1) + 1)
         unknown = np.concatenate((np.tile(LOST_COVARIANCE, (k, 1, 1)), np.zeros((1, 3, 3))))
-        self.marginals, self._chain, self.since = Marginals.of(self.graph.poses, unknown), None, identity()
-        self._open_way = 0.0
+        self.marginals = Marginals.of(self.graph.poses, unknown)
         return k
 
-    def append(self, scan: LaserScan, index: int, motion: UncertainPose, wheel_slip: float = math.nan) -> int:
+    def append(self, scan: LaserScan, step: Step, motion: UncertainPose) -> int:
         """Take the next keyframe, tie it to the one before it, and return its row.
 
         The match of both counts in the directions that it measures, the odometry's motion in the others; where the two
         contradict each other the motion counts, and is as uncertain as they differ, so far as it may have slipped.
+        Where the track was lost in between and they do not match, the keyframe begins a fragment: the sensor went on,
+        as the motion has it, or was carried away, as the covariance of the edge says.
         """
-        noise, k = self.config.noise, self.keyframes.add(scan, index, self._session)
-        before = k - 1
-        self.fragments.append(self.fragments[before])
+        noise, k = self.config.noise, self.keyframes.add(scan, step.index, self._session)
+        before, was_lost = k - 1, step.outcome is StepOutcome.LOST
         result, kind = self.keyframes.match(before, self.keyframes.prepared(k), None), EdgeKind.MOTION
-        n_unseen = 0 if result.ok else index - self.keyframes[before].index - 1
-        step = noise.slipped(motion, self._open_way, n_unseen, wheel_slip)
-        self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
+        n_unseen = 0 if result.ok else step.index - self.keyframes[before].index - 1
+        way = noise.slipped(motion, self._open_way, n_unseen, step.wheel_slip)
+        self._open_way += float(np.hypot(way.pose[0], way.pose[1]))
         if result.ok:
             found = as_measurement(result)
             found = UncertainPose(found.pose, noise.edge(found.covariance))
-            fused, distance = fuse(step, found)
+            fused, distance = fuse(way, found)
             if distance >= GATE:
-                off = difference(step.pose, found.pose)
+                off = difference(way.pose, found.pose)
                 # odds of a slip, Student's t of three degrees of freedom, against a wrong match anywhere along there
                 slips = WIDE_SIGMA[0] * math.sqrt(distance) / (1.0 + distance / 3) ** 2
                 errs = math.exp(-log_odds(result.confidence, unknown=CERTAIN)) * math.hypot(off[0], off[1])
-                step = UncertainPose(step.pose, step.covariance + slips / (slips + errs) * np.outer(off, off))
+                way = UncertainPose(way.pose, way.covariance + slips / (slips + errs) * np.outer(off, off))
             elif result.degenerate_direction is None:
-                step, self._open_way, kind = found, 0.0, EdgeKind.MATCH
+                way, self._open_way, kind = found, 0.0, EdgeKind.MATCH
             else:
-                step = fused
-        self.graph.add_pose(se2.compose(self.graph.poses[before], step.pose))
-        self.graph.add_edge(before, k, step.pose, step.covariance, kind)
-        self._steps.append(step)
-        self.since = compose(self.since, step)
+                way = fused
+        was_lost &= kind is EdgeKind.MOTION
+        self.fragments.append(max(self.fragments) + 1 if was_lost else self.fragments[before])
+        self.graph.add_pose(se2.compose(self.graph.poses[before], way.pose))
+        self.graph.add_edge(before, k, way.pose, way.covariance + was_lost * LOST_COVARIANCE, kind)
+        self._steps.append(way)
+        self.since = compose(self.since, way)
         return k
 
     def along(self, first: int) -> list[UncertainPose]:
@@ -126,7 +131,7 @@ class GrowingMap:
         return [UncertainPose(pose, way.covariance) for pose, way in zip(poses[::-1], ways, strict=False)][::-1]
 
     def seen_from(self, rows: Ints) -> tuple[Pose, Cov]:
-        """Return the newest keyframe seen from others, (m, 3) and (m, 3, 3); rows (m,) rising."""
+        """Return the newest keyframe seen from others, (m, 3) and (m, 3, 3), as if none was lost; rows (m,) rising."""
         (relative, covariances), n = self.marginals, self.marginals.n
         known, later = np.split(rows, [np.searchsorted(rows, n)])
         by_marginals = composed_covariances(relative[known], covariances[known], self.since)
@@ -158,14 +163,12 @@ class GrowingMap:
 
     def _join(self, closure: Closure) -> None:
         """Move the later fragment to the place in the earlier one that a closure gives."""
-        fragments = np.array(self.fragments)
+        fragments, poses = np.array(self.fragments), self.graph.poses
         earlier, later = sorted((fragments[closure.i], fragments[closure.j]))
-        poses = self.graph.poses
-        if fragments[closure.j] == later:
-            wanted, moved = se2.compose(poses[closure.i], closure.pose), closure.j
-        else:
-            wanted, moved = se2.compose(poses[closure.j], se2.inverse(closure.pose)), closure.i
-        shift = se2.compose(wanted, se2.inverse(poses[moved]))
+        (i, j), seen = (closure.i, closure.j), closure.pose
+        if fragments[j] == earlier:
+            i, j, seen = j, i, se2.inverse(seen)
+        shift = se2.compose(se2.compose(poses[i], seen), se2.inverse(poses[j]))
         rows = np.flatnonzero(fragments == later)
         poses[rows], self._chain, self.is_revised = se2.compose(shift, poses[rows]), None, True
         self.fragments = np.where(fragments == later, earlier, fragments).tolist()
@@ -198,7 +201,8 @@ class GrowingMap:
         """Return where the newest keyframe is in the map."""
         from_first = compose(self.marginals.last_seen_from(0), self.since)
         in_map = compose(UncertainPose(self.graph.poses[0], np.zeros((3, 3))), from_first)
-        return UncertainPose(self.graph.poses[-1], in_map.covariance)
+        is_apart = self.fragments[-1] != self.fragments[0]
+        return UncertainPose(self.graph.poses[-1], in_map.covariance + is_apart * LOST_COVARIANCE)
 
     def covariances(self) -> Cov:
         """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly."""
@@ -227,5 +231,5 @@ def steps_of(graph: PoseGraph) -> list[UncertainPose]:
     steps, covariances = np.zeros((graph.n_poses, 3)), np.tile(LOST_COVARIANCE, (graph.n_poses, 1, 1))
     rows = np.flatnonzero(~graph.is_closure & (np.diff(graph.ends)[:, 0] == 1))
     at = graph.ends[rows, 1]
-    steps[at], covariances[at] = graph.measured[rows], graph.edge_covariances[rows]
+    steps[at], covariances[at] = graph.measured[rows], as_if_tracked(graph.edge_covariances[rows])
     return list(map(UncertainPose, steps, covariances))

@@ -48,6 +48,7 @@ class Candidate(NamedTuple):
     j: int
     covariance: Cov
     asked: Pose | None = None  # (3,): j in the frame of i by another match, which says nothing for itself
+    is_apart: bool = False  # whether the track was lost between the two, and no match has tied them since
 
 
 Beside: TypeAlias = Callable[..., Callable[[], Any]]
@@ -67,18 +68,19 @@ class LoopSearch:
     def enqueue(self, k: int) -> None:
         """Queue the keyframes that the newest one, of row k, is to be matched with."""
         growing, keyframes, profiles = self._map, self._map.keyframes, self._map.keyframes.profiles.array
-        linked = enumerate(growing.along(max(k - N_LINKED, 0))[:-2], max(k - N_LINKED, 0))
-        fragments = growing.fragments
-        self._queue += [Candidate(i, k, way.covariance) for i, way in linked if fragments[i] == fragments[k]]
-        poses, similarity = growing.graph.poses, keyframes.index.similarity(keyframes.index.array[k])
+        is_apart, first = np.take(growing.fragments, np.arange(k)) != growing.fragments[k], max(k - N_LINKED, 0)
+        last = k if is_apart[-1:].any() else k - 1  # the match with the one before it is the step, if there is one
+        chosen = [Candidate(i, k, way.covariance) for i, way in enumerate(growing.along(first)[: last - first], first)]
+        poses, alike = growing.graph.poses, keyframes.index.similarity(keyframes.index.array[k])
         # what is known of a relative pose is costly: not of what lies afar and looks different
-        rows = (similarity >= _MIN_SIMILARITY) | (np.hypot(*(poses[:, :2] - poses[k, :2]).T) < _FARTHEST)
+        rows = (alike >= _MIN_SIMILARITY) | (np.hypot(*(poses[:, :2] - poses[k, :2]).T) < _FARTHEST)
         rows = np.flatnonzero(rows[:k])
-        chosen = choose_candidates(k, rows, growing.seen_from(rows), self.config, profiles, similarity[rows])
+        seen = growing.seen_from(rows)
+        chosen += choose_candidates(k, rows, seen, self.config, profiles, alike[rows], is_apart[rows])
         if waiting := [c for c in self._pool if not c.is_accepted and k - c.j <= N_NEAR]:
             asked = self._beside(max(waiting, key=lambda c: c.log_odds + c.expectation), k)
             chosen += [c for c in asked if c.i not in {other.i for other in chosen}]
-        self._queue += chosen
+        self._queue += [c._replace(is_apart=bool(is_apart[c.i])) for c in chosen]
 
     def _beside(self, waiting: Closure, k: int) -> list[Candidate]:
         """Return keyframes that see what one of row k does if a closure that waits, where nobody looks, is right."""
@@ -187,31 +189,20 @@ class LoopSearch:
     def _try(self, candidate: Candidate, index: int) -> list[Closure]:
         """Match a candidate, and return the closures accepted."""
         [closure] = matched(self._map.keyframes, self._map.graph.poses, self.config, index, [candidate])
-        if closure.outcome is ClosureOutcome.WAITING:
-            return self._wait(closure)
-        if not closure.is_accepted:
-            self._log(closure)
-            return []
-        if is_loop(closure.i, closure.j):
-            self._remember(closure)
-        return [self._accept(closure)]
-
-    def _remember(self, closure: Closure) -> None:
-        """Keep a closure with those near it along the path: others speak neither for it nor against it."""
-        self._pool = [c for c in self._pool if abs(c.j - closure.j) <= N_NEAR] + [closure]
-
-    def _wait(self, closure: Closure) -> list[Closure]:
-        """Hold a closure against others, and return those whose odds now exceed those of what they contradict."""
-        self._remember(closure)
-        members, lead = best_group(self._pool, self._map.chain(), self.config)
+        is_waiting = closure.outcome is ClosureOutcome.WAITING
+        if is_waiting or (closure.is_accepted and is_loop(closure.i, closure.j)):
+            # those farther off along the path speak neither for it nor against it
+            self._pool = [c for c in self._pool if abs(c.j - closure.j) <= N_NEAR] + [closure]
+        if closure.is_accepted:
+            return [self._accept(closure)]
+        self._log(closure)
+        # one that waits brings in those that agree, if their odds exceed those of what they contradict
+        members, lead = best_group(self._pool, self._map.chain(), self.config) if is_waiting else ([], 0.0)
         if lead <= self.config.closures.log_odds:
-            self._log(closure)
             return []
-        waiting = [self._pool[k] for k in members if not self._pool[k].is_accepted]
-        agreed = [replace(c, outcome=ClosureOutcome.AGREED) for c in waiting]
-        pairs = {(c.i, c.j) for c in agreed}
-        self._pool = [c for c in self._pool if (c.i, c.j) not in pairs] + agreed
-        return [self._accept(one) for one in agreed]
+        for k in members:
+            self._pool[k] = replace(self._pool[k], outcome=ClosureOutcome.AGREED)
+        return [self._accept(self._pool[k]) for k in members]
 
     def _accept(self, closure: Closure) -> Closure:
         """Make a closure an edge of the map, and return its record."""
@@ -238,7 +229,7 @@ class LoopSearch:
 def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, new: list[Candidate]) -> list[Closure]:
     """Return the matches of candidates, by row, and whether each is likely enough alone; poses (n, 3)."""
     found = []
-    for i, j, covariance, asked in new:
+    for i, j, covariance, asked, is_apart in new:
         expected = UncertainPose(se2.between(poses[i], poses[j]), covariance + config.noise.spread)
         known = expected if is_certain(expected, config) else None
         guess = known if asked is None else UncertainPose(asked, WIDE_PRIOR.covariance)
@@ -248,7 +239,7 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
             along = np.array([*np.linalg.eigh(result.covariance[:2, :2])[1][:, 1], 0.0])
             result = with_fields(result, degenerate_direction=along)
         views = keyframes.prepared(i).scan, keyframes.prepared(j).scan
-        closure = closure_of(result, expected, config, *views, scan=index, i=i, j=j)
+        closure = closure_of(result, expected, config, *views, scan=index, i=i, j=j, is_apart=is_apart)
         if guess and closure.is_accepted and closure.is_loop and along is not None:  # neighbours in a row err alike
             closure = replace(closure, place=placed(UncertainPose(closure.pose, closure.covariance), along, *views))
         found.append(closure)
@@ -256,12 +247,14 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
 
 
 def choose_candidates(
-    newest: int, rows: Ints, seen: tuple[Pose, Cov], config: SlamConfig, profiles: Floats, alike: Floats | None = None
-) -> list[Candidate]:
+    newest: int, rows: Ints, seen: tuple[Pose, Cov], config: SlamConfig, profiles: Floats,
+    alike: Floats | None = None, is_apart: Bools | bool = False,
+) -> list[Candidate]:  # fmt: skip
     """Return the keyframes to match with the newest one, the most promising first.
 
     rows (n,) rising: of those that may lie near; seen: (n, 3) and (n, 3, 3), the newest one from them; profiles: of
-    all; alike (n,): similarity to the newest one; without it those of a known relative pose alone.
+    all; alike (n,): similarity to the newest one; without it those of a known relative pose alone; is_apart (n,): where
+    the track was lost between them.
     """
     rules, (relative, covariances) = config.closures, seen
     sigma = np.sqrt(np.diagonal(covariances + config.noise.spread, axis1=1, axis2=2)[:, :2].max(axis=1))
@@ -274,6 +267,6 @@ def choose_candidates(
     sure, overlap = sure[overlap >= rules.min_overlap], overlap[overlap >= rules.min_overlap]
     chosen = sure[np.argsort(-overlap, kind="stable")][:_N_CERTAIN].tolist()
     if alike is not None:
-        vague = np.flatnonzero(is_near & ~is_certain & (alike >= _MIN_SIMILARITY))
+        vague = np.flatnonzero(((is_near & ~is_certain) | is_apart) & (alike >= _MIN_SIMILARITY))
         chosen += vague[np.argsort(-alike[vague], kind="stable")][:_N_UNCERTAIN].tolist()
     return [Candidate(int(rows[n]), newest, covariances[n]) for n in chosen]

@@ -18,15 +18,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from curvescan import se2
 from curvescan.configs import as_config, counted
 from curvescan.deskew import deskew
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.config import MATCHER_HINT
+from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.odometry.odometry import Odometry
-from curvescan.odometry.step import UNMEASURED, Step, StepOutcome, between_steps
+from curvescan.odometry.step import Step, StepOutcome, between_steps
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.config import SlamConfig
@@ -38,7 +38,7 @@ from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.records import Records
-from curvescan.types import Cov, Pose, with_fields
+from curvescan.types import Cov, with_fields
 
 _VAGUE = 0.3  # a new keyframe is due when the way since the last one is known no better, metres and radians
 _N_LEAST, _GROWTH = 10, 0.05  # keyframes between optimizations, and share by which the graph grows, if no loop closes
@@ -79,7 +79,6 @@ class Slam:
             self._map.load(as_map(map))
         self.records = Records()
         self._origin: Step | None = None  # the step of the current keyframe
-        self._n_lost = self._n_most_lost = 0  # scans that nothing places, now and since the current keyframe
         self._n_unsettled = 0  # of an open gap of the odometry
         self._n_scans = 0
         self._beside = ThreadPoolExecutor(1, thread_name_prefix="curvescan-slam")
@@ -113,20 +112,16 @@ class Slam:
     def add_placed(self, scan: LaserScan, step: Step) -> Step:
         """Return where the sensor was at a scan that an odometry has placed, as :meth:`add` does."""
         if self._origin is None:
-            seen = self._begin_fragment(scan, step, np.zeros(3))
+            seen = self._hang_on(self._map.start(scan, step.index), step, None)
         else:
-            is_lost = step.outcome in UNMEASURED and not step.is_driven
-            self._n_lost = self._n_lost + 1 if is_lost else 0
-            self._n_most_lost = max(self._n_most_lost, self._n_lost)
-            seen = between_steps(self._origin, step)
-            if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
-                seen = self._begin_fragment(scan, step, se2.compose(self._map.current_in_map().pose, seen.pose))
-            elif step.is_driven or not step.is_unsettled:
+            is_lost = step.outcome is StepOutcome.LOST
+            went_on = with_fields(step, covariance=step.covariance - LOST_COVARIANCE) if is_lost else step
+            seen = between_steps(self._origin, went_on)
+            if step.is_driven or not step.is_unsettled:
                 is_vague = sum(seen.covariance.diagonal().tolist()) >= _VAGUE**2
-                if is_vague or self.config.keyframes.is_far(seen.pose):
+                if is_lost or is_vague or self.config.keyframes.is_far(seen.pose):
                     scan = deskew(scan, step.velocity) if self.config.odometry.deskew else scan
-                    k = self._map.append(scan, step.index, seen, step.wheel_slip)
-                    seen = self._hang_on(k, step, seen)
+                    seen = self._hang_on(self._map.append(scan, step, seen), step, seen)
         self._n_scans += 1
         self._n_unsettled = self._n_unsettled + 1 if step.is_unsettled else 0
         self.records.add(step.stamp, seen)
@@ -144,17 +139,12 @@ class Slam:
             fragment=self._map.fragments[-1],
         )
 
-    def _begin_fragment(self, scan: LaserScan, step: Step, pose: Pose) -> UncertainPose:
-        """Begin, or begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
-        self._adopt()
-        return self._hang_on(self._map.start(scan, step.index, pose), step, None)
-
     def _hang_on(self, k: int, step: Step, way: UncertainPose | None) -> UncertainPose:
         """Let scans hang on keyframe k, made of the scan of a step, look for it, and return the step seen from it."""
         self._search.enqueue(k)
         n_lost = self._n_unsettled if step.outcome is StepOutcome.LOST else 0
         self.records.begin(self.keyframes[k].number, None if way is None else way.pose, n_lost)
-        self._origin, self._n_most_lost, self._n_unsettled = step, 0, 0
+        self._origin, self._n_unsettled = step, 0
         return identity()
 
     def _optimize_beside(self) -> None:

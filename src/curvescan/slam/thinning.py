@@ -15,7 +15,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, inverse
 from curvescan.slam.config import GATE, PlacesConfig
-from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, is_whole
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, is_lost, is_whole
 from curvescan.types import Bools, Cov, Ints, Pose
 
 
@@ -84,11 +84,11 @@ def best_tie(graph: PoseGraph, v: int, among: Ints) -> int | None:
     """Return the closure or match that ties pose v best to one of some poses; None where there is none."""
     rows = _edges_at(graph, v)
     covariances = graph.edge_covariances[rows]
-    # by an edge that leaves a direction open no pose can hang on a representative
+    # by an edge that leaves a direction open no pose can hang on a representative; what a lost track hangs on stays
     is_tie = (graph.kinds[rows] != EdgeKind.MOTION) & graph.is_followed[rows] & is_whole(covariances)
     is_tie &= np.isin(graph.ends[rows], among).any(axis=1)
     spread = np.where(is_tie, np.trace(covariances, axis1=1, axis2=2), np.inf)
-    return int(rows[np.argmin(spread)]) if is_tie.any() else None
+    return int(rows[np.argmin(spread)]) if is_tie.any() and not is_lost(covariances).any() else None
 
 
 def carry_over(graph: PoseGraph, v: int, tie: int) -> tuple[Tie, Tie]:

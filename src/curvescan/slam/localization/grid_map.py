@@ -69,9 +69,7 @@ def map_of_grid(grid: OccupancyGrid, field: DistanceField | None = None) -> Slam
     while len(places := field.places(step, STEP_M)) > _N_PLACES:
         step *= float(np.sqrt(len(places) / _N_PLACES))
     if not len(places):
-        raise LogFormatError(
-            f"the map has no free place {STEP_M} m clear of walls: its free_thresh or negate may be wrong"
-        )
+        raise LogFormatError(f"the map has no free place {STEP_M} m clear of walls: its free_thresh or negate is wrong")
     n = len(places)
     ends = np.column_stack((np.zeros(n - 1, dtype=np.int64), np.arange(1, n)))
     poses = np.column_stack((places, np.zeros(n)))

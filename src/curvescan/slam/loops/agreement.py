@@ -13,7 +13,7 @@ import numpy as np
 from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.slam.config import GATE, SlamConfig
-from curvescan.slam.loops.closures import Closure
+from curvescan.slam.loops.closures import MOST_ODDS, Closure
 from curvescan.slam.loops.cycles import Chain, cycle_distances
 from curvescan.slam.pose_graph.graph import is_whole
 from curvescan.types import Bools, Ints
@@ -34,7 +34,10 @@ def best_group(pool: list[Closure], chain: Chain, config: SlamConfig) -> tuple[l
     up to where they would guide a match.
     """
     known, last, whole = config.closures.certain_m, len(pool) - 1, is_whole(np.array([c.covariance for c in pool]))
-    before = np.flatnonzero(whole[:-1] == whole[-1])  # what leaves a way open agrees with the next room as well
+    # what the graph has counts in where it expects the others; what leaves a way open agrees with the next room as well
+    alike = (whole == whole[-1]) & ~np.array([c.is_accepted for c in pool])
+    expected = np.array([c.expectation for c in pool])
+    before = np.flatnonzero(alike[:-1] & (np.abs(expected[:-1] - expected[-1]) < config.closures.log_odds))
     friends = before[agreements(pool, before, np.array([last]), chain, config, known)[:, 0]]
     members = np.append(friends[largest_clique(agreements(pool, friends, friends, chain, config, known))], last)
     alone = odds(pool, members, chain, config)
@@ -74,9 +77,10 @@ def odds(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig) -
         if new[k] > 0.0:
             total += float(new[k] / _VIEW_M * said[k])
             np.minimum(new, apart[k], out=new)
-    most = MOST_LOG_ODDS if is_whole(np.array([c.covariance for c in chosen])).any() else config.closures.log_odds
-    expected = [c.expectation for c in chosen if not c.is_accepted] or [c.expectation for c in chosen]
-    return min(total, most) + float(np.mean(expected))
+    most = MOST_LOG_ODDS * (float(said.max()) / MOST_ODDS)
+    if not is_whole(np.array([c.covariance for c in chosen])).any():
+        most = min(most, config.closures.log_odds)
+    return min(total, most) + float(min(c.expectation for c in chosen))
 
 
 def largest_clique(agrees: Bools) -> Ints:

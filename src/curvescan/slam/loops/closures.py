@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike
 
 from curvescan.matchers import MatchResult
 from curvescan.matchers.result import log_odds
-from curvescan.odometry.measurement import as_measurement
+from curvescan.odometry.gaps import LOST_COVARIANCE
+from curvescan.odometry.measurement import CERTAIN, as_measurement
 from curvescan.scan import LaserScan
-from curvescan.se2.uncertain import UncertainPose, fuse
+from curvescan.se2.uncertain import UncertainPose, fuse, inverse3
 from curvescan.slam.config import ANYWHERE_M, SlamConfig
 from curvescan.slam.loops.cycles import difference
 from curvescan.slam.open_direction import within_sight
@@ -89,8 +90,9 @@ def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
 
 
 def closure_of(
-    result: MatchResult, expected: UncertainPose, config: SlamConfig, *views: LaserScan, scan: int, i: int, j: int
-) -> Closure:
+    result: MatchResult, expected: UncertainPose, config: SlamConfig, *views: LaserScan,
+    scan: int, i: int, j: int, is_apart: bool = False,
+) -> Closure:  # fmt: skip
     """Return the record of a match of two views, and whether it alone is likely enough where the graph expects it."""
     tried = Closure(
         scan=scan, i=i, j=j, pose=result.pose, covariance=result.covariance, score=result.score,
@@ -104,28 +106,30 @@ def closure_of(
         claimed = within_sight(found, along, *views)  # speaks against it, and not for it: all of a corridor is alike
     distance = fuse(expected, found)[1]
     off = ((difference(expected.pose, one.pose), expected.covariance + one.covariance) for one in (found, claimed))
-    expectation = min(expectation_of(*one, config, is_open=along is not None) for one in off)
+    expectation = min(expectation_of(*one, config, is_open=along is not None, is_apart=is_apart) for one in off)
     tried = replace(tried, covariance=config.noise.edge(found.covariance), distance=distance, expectation=expectation)
     if expectation + tried.log_odds > config.closures.log_odds:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
     return replace(tried, outcome=ClosureOutcome.WAITING if is_loop(i, j) else ClosureOutcome.UNEXPECTED)
 
 
-def expectation_of(off: Pose, cov: Cov, config: SlamConfig, *, is_open: bool) -> float:
+def expectation_of(off: Pose, cov: Cov, config: SlamConfig, *, is_open: bool, is_apart: bool = False) -> float:
     """Return how much the graph speaks for a match there: log odds against a wrong match, which may lie anywhere.
 
-    A slip between two keyframes is as unlikely as a closure must be likely.
+    A slip between two keyframes is as unlikely as a closure must be likely; that a sensor was carried away where its
+    track was lost, as unlikely as one sure match.
 
     off (3,): from where the graph expects it, as it is or after a slip; cov (3, 3): of the graph and the match
     together; is_open: whether a direction is not measured: corridors run side by side. Else the heading found tells how
-    far a turn that nobody saw has led astray.
+    far a turn that nobody saw has led astray; is_apart: whether the track was lost between the two.
     """
     n = 2 if is_open else 3
-    return max(_gained(off, cov, n), _gained(off, cov + SLIP, n) - config.closures.log_odds)
+    unseen, odds = (LOST_COVARIANCE, CERTAIN) if is_apart else (SLIP, config.closures.log_odds)
+    return max(_gained(off, cov, n), _gained(off, cov + unseen, n) - odds)
 
 
 def _gained(off: Pose, cov: Cov, n: int) -> float:
-    distance = fuse(UncertainPose(np.zeros(3), cov), UncertainPose(off, np.zeros((3, 3))))[1]
+    distance = float(off @ inverse3(cov) @ off)
     if not math.isfinite(distance):
         return -math.inf
     anywhere = cov + np.diag([ANYWHERE_M**2, ANYWHERE_M**2, 0.0])  # headings, of the walls, tell nothing

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError
+from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.slam.pose_graph.rows import Rows
 from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
@@ -32,6 +33,16 @@ _MOST_SPREAD = 1.0
 def is_whole(covariances: Cov) -> Bools:
     """Return whether the (..., 3, 3) covariances of edges leave no direction open."""
     return np.asarray(np.trace(covariances, axis1=-2, axis2=-1) < _MOST_SPREAD)
+
+
+def is_lost(covariances: Cov) -> Bools:
+    """Return whether the (m, 3, 3) covariances of edges are of a step within which the track was lost."""
+    return np.asarray((np.diagonal(covariances, axis1=1, axis2=2) >= np.diag(LOST_COVARIANCE)).all(axis=1))
+
+
+def as_if_tracked(covariances: Cov) -> Cov:
+    """Return (m, 3, 3) covariances of edges as if the sensor had gone on where the track was lost."""
+    return covariances - is_lost(covariances)[:, np.newaxis, np.newaxis] * LOST_COVARIANCE
 
 
 _EDGE = np.dtype([
@@ -132,8 +143,3 @@ def components(ends: Ints, n_poses: int) -> Ints:
     links = csr_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n_poses, n_poses))
     _, labels = connected_components(links, directed=False)
     return np.asarray(labels, dtype=np.int64)
-
-
-def first_of_each(labels: Ints) -> Ints:
-    """Return the first pose of each component, in the order of the components."""
-    return np.unique(labels, return_index=True)[1].astype(np.int64)

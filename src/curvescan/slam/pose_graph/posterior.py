@@ -15,7 +15,7 @@ import numpy as np
 
 from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.slam.config import GATE, KEPT, NoiseConfig
-from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, components, first_of_each, is_whole
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, components, is_whole
 from curvescan.slam.pose_graph.optimization import Edges, marginal_covariances, squared_distances
 from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
@@ -55,7 +55,7 @@ def covariances_seen_from(graph: PoseGraph, k: int, noise: NoiseConfig, *, in_ro
         row = np.cumsum(np.diff(ends[steps, 1], prepend=-1) != 1)
         scaled[steps, :2, :2] *= 1.0 + in_row * (np.bincount(row)[row] - 1)[:, np.newaxis, np.newaxis]
     scaled[:, 2, 2] += heading_drift(ends, measured, len(poses))
-    anchors = first_of_each(labels)
+    anchors = np.unique(labels, return_index=True)[1]
     anchors[labels[k]] = k
     found = marginal_covariances(poses, Edges.of(ends, measured, scaled), weights, anchors)
     found[labels != labels[k]] = LOST_COVARIANCE

@@ -13,7 +13,7 @@ import numpy as np
 
 from curvescan.slam.config import ANYWHERE_M, GATE
 from curvescan.slam.pose_graph.cholesky import Elimination
-from curvescan.slam.pose_graph.graph import PoseGraph, components, first_of_each
+from curvescan.slam.pose_graph.graph import PoseGraph, components
 from curvescan.slam.pose_graph.optimization import Edges, optimize, squared_distances
 from curvescan.types import Floats, Pose
 
@@ -72,5 +72,5 @@ def tls_weights(distances: Floats, limit: Floats | float, convexity: float) -> F
 def _optimum(poses: Pose, edges: Edges, weights: Floats, elimination: Elimination) -> Pose:
     used = np.flatnonzero(weights > 0.0)  # what does not count leaves the pattern
     # a session that hangs on closures alone may come loose
-    anchors = first_of_each(components(edges.ends[used], len(poses)))
+    anchors = np.unique(components(edges.ends[used], len(poses)), return_index=True)[1]
     return optimize(poses, edges.chosen(used), weights[used], anchors, elimination)
