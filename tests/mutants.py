@@ -242,15 +242,15 @@ NAMED = (
     _named(
         "what leaves a way open helps what does not",
         "slam/loops/agreement.py",
-        "alike = (whole == whole[-1]) & ~np",
-        "alike = ~np",
+        "before = np.flatnonzero(whole[:-1] == whole[-1])",
+        "before = np.arange(last)",
         "slam/test_agreement.py",
     ),
     _named(
-        "what was accepted counts once more for what is new",
+        "a set in doubt says as much as a sure one",
         "slam/loops/agreement.py",
-        " & ~np.array([c.is_accepted for c in pool])",
-        "",
+        "MOST_LOG_ODDS * (float(said.max()) / MOST_ODDS)",
+        "MOST_LOG_ODDS",
         "slam/test_agreement.py",
     ),
     _named(

@@ -73,23 +73,13 @@ def test_corridors_that_look_alike_all_along_close_nothing_that_the_graph_does_n
     np.testing.assert_allclose(odds, MOST_LOG_ODDS * math.log(3.0) / MOST_ODDS + expectation)
 
 
-def test_what_was_accepted_says_nothing_for_what_is_new() -> None:
-    """A hotel: by what the graph had, one match at a time of the next room came in. It counts in what it expects."""
-    accepted = [replace(_closure(i, i + 30, expectation=6.0), outcome=ClosureOutcome.ACCEPTED) for i in (0, 2, 4)]
-    new = _closure(6, 36, expectation=3.0)
-    assert _lead([*accepted, new]) == _lead([new])
-
-
-@pytest.mark.parametrize(("least", "n"), [(-2.0, 4), (-8.0, 1)])
-def test_a_set_is_as_likely_as_the_graph_expects_the_least_of_it(least: float, n: int) -> None:
-    """And what lies where the graph expects it is no reason for what does not: a vague way lets both agree."""
-    pool = [_closure(i, i + 30, expectation=3.0) for i in (0, 4, 8)]
-    new = _closure(12, 38, expectation=least)
-    n_members, odds = _lead([*pool, new])
-    assert n_members == n
-    assert odds - least == pytest.approx(
-        _lead([*pool, replace(new, expectation=3.0)])[1] - 3.0 if n > 1 else new.log_odds
-    )
+def test_of_a_set_the_graph_has_to_expect_what_is_new() -> None:
+    """What was accepted was expected: it may not bring in what the graph does not expect."""
+    accepted = [replace(_closure(i, i + 30, expectation=12.0), outcome=ClosureOutcome.ACCEPTED) for i in (0, 2, 4)]
+    n, lead = _lead([*accepted, _closure(6, 36, expectation=-8.0, confidence=0.55)])
+    assert n == 4
+    assert lead < CONFIG.closures.log_odds
+    assert _lead([*accepted, _closure(6, 36, expectation=3.0)])[1] > CONFIG.closures.log_odds
 
 
 def test_what_contradicts_a_set_has_its_own_odds() -> None:

@@ -69,8 +69,7 @@ class LoopSearch:
         """Queue the keyframes that the newest one, of row k, is to be matched with."""
         growing, keyframes, profiles = self._map, self._map.keyframes, self._map.keyframes.profiles.array
         is_apart, first = np.take(growing.fragments, np.arange(k)) != growing.fragments[k], max(k - N_LINKED, 0)
-        last = k if is_apart[-1:].any() else k - 1  # the match with the one before it is the step, if there is one
-        chosen = [Candidate(i, k, way.covariance) for i, way in enumerate(growing.along(first)[: last - first], first)]
+        chosen = [Candidate(i, k, way.covariance) for i, way in enumerate(growing.along(first)[:-2], first)]
         poses, alike = growing.graph.poses, keyframes.index.similarity(keyframes.index.array[k])
         # what is known of a relative pose is costly: not of what lies afar and looks different
         rows = (alike >= _MIN_SIMILARITY) | (np.hypot(*(poses[:, :2] - poses[k, :2]).T) < _FARTHEST)
@@ -200,9 +199,10 @@ class LoopSearch:
         members, lead = best_group(self._pool, self._map.chain(), self.config) if is_waiting else ([], 0.0)
         if lead <= self.config.closures.log_odds:
             return []
-        for k in members:
+        waiting = [k for k in members if not self._pool[k].is_accepted]
+        for k in waiting:
             self._pool[k] = replace(self._pool[k], outcome=ClosureOutcome.AGREED)
-        return [self._accept(self._pool[k]) for k in members]
+        return [self._accept(self._pool[k]) for k in waiting]
 
     def _accept(self, closure: Closure) -> Closure:
         """Make a closure an edge of the map, and return its record."""
@@ -231,7 +231,8 @@ def matched(keyframes: Keyframes, poses: Pose, config: SlamConfig, index: int, n
     found = []
     for i, j, covariance, asked, is_apart in new:
         expected = UncertainPose(se2.between(poses[i], poses[j]), covariance + config.noise.spread)
-        known = expected if is_certain(expected, config) else None
+        # where it went on a guided match lies in any case: that would be no evidence that it did
+        known = expected if is_certain(expected, config) and not is_apart else None
         guess = known if asked is None else UncertainPose(asked, WIDE_PRIOR.covariance)
         result = keyframes.match(i, keyframes.prepared(j), guess)
         along = result.degenerate_direction

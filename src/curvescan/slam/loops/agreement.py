@@ -34,10 +34,7 @@ def best_group(pool: list[Closure], chain: Chain, config: SlamConfig) -> tuple[l
     up to where they would guide a match.
     """
     known, last, whole = config.closures.certain_m, len(pool) - 1, is_whole(np.array([c.covariance for c in pool]))
-    # what the graph has counts in where it expects the others; what leaves a way open agrees with the next room as well
-    alike = (whole == whole[-1]) & ~np.array([c.is_accepted for c in pool])
-    expected = np.array([c.expectation for c in pool])
-    before = np.flatnonzero(alike[:-1] & (np.abs(expected[:-1] - expected[-1]) < config.closures.log_odds))
+    before = np.flatnonzero(whole[:-1] == whole[-1])  # what leaves a way open agrees with the next room as well
     friends = before[agreements(pool, before, np.array([last]), chain, config, known)[:, 0]]
     members = np.append(friends[largest_clique(agreements(pool, friends, friends, chain, config, known))], last)
     alone = odds(pool, members, chain, config)
@@ -80,7 +77,8 @@ def odds(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig) -
     most = MOST_LOG_ODDS * (float(said.max()) / MOST_ODDS)
     if not is_whole(np.array([c.covariance for c in chosen])).any():
         most = min(most, config.closures.log_odds)
-    return min(total, most) + float(min(c.expectation for c in chosen))
+    expected = [c.expectation for c in chosen if not c.is_accepted] or [c.expectation for c in chosen]
+    return min(total, most) + float(np.mean(expected))
 
 
 def largest_clique(agrees: Bools) -> Ints:
