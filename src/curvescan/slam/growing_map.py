@@ -48,7 +48,7 @@ def solve(graph: PoseGraph, noise: NoiseConfig, is_last: bool) -> tuple[PoseGrap
         freed = optimized(graph, weights=held.weights, least_convexity=_NEARBY)
         optimum = min(optimum, freed, key=lambda one: one.costs.sum())
     graph.poses[:], graph.weights[:] = optimum.poses, optimum.weights
-    graph.edge_covariances[:] = as_if_tracked(graph.edge_covariances)
+    graph.edge_covariances[:] = as_if_tracked(graph.edge_covariances)  # for the search: a match there ties the parts
     return graph, covariances_seen_from(graph, graph.n_poses - 1, noise)
 
 

@@ -68,18 +68,18 @@ class LoopSearch:
     def enqueue(self, k: int) -> None:
         """Queue the keyframes that the newest one, of row k, is to be matched with."""
         growing, keyframes, profiles = self._map, self._map.keyframes, self._map.keyframes.profiles.array
-        is_apart, first = np.take(growing.fragments, np.arange(k)) != growing.fragments[k], max(k - N_LINKED, 0)
+        fragments, first = growing.fragments, max(k - N_LINKED, 0)
         chosen = [Candidate(i, k, way.covariance) for i, way in enumerate(growing.along(first)[:-2], first)]
         poses, alike = growing.graph.poses, keyframes.index.similarity(keyframes.index.array[k])
         # what is known of a relative pose is costly: not of what lies afar and looks different
         rows = (alike >= _MIN_SIMILARITY) | (np.hypot(*(poses[:, :2] - poses[k, :2]).T) < _FARTHEST)
         rows = np.flatnonzero(rows[:k])
-        seen = growing.seen_from(rows)
-        chosen += choose_candidates(k, rows, seen, self.config, profiles, alike[rows], is_apart[rows])
+        seen, is_apart = growing.seen_from(rows), np.array([fragments[i] != fragments[k] for i in rows.tolist()], bool)
+        chosen += choose_candidates(k, rows, seen, self.config, profiles, alike[rows], is_apart)
         if waiting := [c for c in self._pool if not c.is_accepted and k - c.j <= N_NEAR]:
             asked = self._beside(max(waiting, key=lambda c: c.log_odds + c.expectation), k)
             chosen += [c for c in asked if c.i not in {other.i for other in chosen}]
-        self._queue += [c._replace(is_apart=bool(is_apart[c.i])) for c in chosen]
+        self._queue += [c._replace(is_apart=fragments[c.i] != fragments[k]) for c in chosen]
 
     def _beside(self, waiting: Closure, k: int) -> list[Candidate]:
         """Return keyframes that see what one of row k does if a closure that waits, where nobody looks, is right."""

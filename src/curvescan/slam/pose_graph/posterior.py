@@ -55,7 +55,7 @@ def covariances_seen_from(graph: PoseGraph, k: int, noise: NoiseConfig, *, in_ro
         row = np.cumsum(np.diff(ends[steps, 1], prepend=-1) != 1)
         scaled[steps, :2, :2] *= 1.0 + in_row * (np.bincount(row)[row] - 1)[:, np.newaxis, np.newaxis]
     scaled[:, 2, 2] += heading_drift(ends, measured, len(poses))
-    anchors = np.unique(labels, return_index=True)[1]
+    anchors = np.unique(labels, return_index=True)[1]  # the first pose of each component
     anchors[labels[k]] = k
     found = marginal_covariances(poses, Edges.of(ends, measured, scaled), weights, anchors)
     found[labels != labels[k]] = LOST_COVARIANCE

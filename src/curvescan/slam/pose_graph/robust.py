@@ -71,6 +71,6 @@ def tls_weights(distances: Floats, limit: Floats | float, convexity: float) -> F
 
 def _optimum(poses: Pose, edges: Edges, weights: Floats, elimination: Elimination) -> Pose:
     used = np.flatnonzero(weights > 0.0)  # what does not count leaves the pattern
-    # a session that hangs on closures alone may come loose
+    # the first of each component: a session that hangs on closures alone may come loose
     anchors = np.unique(components(edges.ends[used], len(poses)), return_index=True)[1]
     return optimize(poses, edges.chosen(used), weights[used], anchors, elimination)
