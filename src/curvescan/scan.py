@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan.beams import Beams, beams_at, even_beams, require_radians
-from curvescan.errors import InvalidArgumentError, UnitWarning
+from curvescan.errors import InvalidArgumentError, UnitWarning, require
 from curvescan.types import Bools, Floats, Ints, Points, Pose
 
 
@@ -52,6 +52,9 @@ class LaserScan:
     odometry : (3,) array_like or None
         Pose of the sensor at this scan by its wheels, [x, y, theta] in a frame of their own, NaN where it is unknown:
         odometry, SLAM and localization expect its motion. None without.
+    noise_doubled_at : float
+        Range at which the variance of the range noise is twice that at the sensor, metres, > 0: it grows with the
+        square of the range. inf: as large everywhere. How large it is, each scan tells.
 
     Raises
     ------
@@ -78,11 +81,12 @@ class LaserScan:
     time_increment: float = 0.0
     scan_time: float = 0.0
     odometry: Pose | None = None
+    noise_doubled_at: float = math.inf
     _beams: Beams = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", _read_only_row(self.ranges, "ranges"))
-        for name in ("range_min", "range_max", "stamp", "time_increment", "scan_time"):
+        for name in ("range_min", "range_max", "stamp", "time_increment", "scan_time", "noise_doubled_at"):
             object.__setattr__(self, name, as_float(getattr(self, name), name))
         if not math.isfinite(self.stamp):
             raise InvalidArgumentError(f"stamp must be finite, got {self.stamp}")
@@ -91,6 +95,7 @@ class LaserScan:
                 raise InvalidArgumentError(
                     f"{name} must be finite and >= 0 seconds, got {getattr(self, name)}: 0 says that it is not known"
                 )
+        require(self.noise_doubled_at > 0.0, "noise_doubled_at must be > 0 m", self.noise_doubled_at)
         beams = self._beams_given()
         require_radians(beams)
         for name in ("angle_min", "angle_increment", "angles"):

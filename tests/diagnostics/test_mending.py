@@ -163,7 +163,6 @@ def test_a_constant_range_is_no_wall():
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [201, 206])
 def test_a_wide_pole_on_the_robot_is_left_out_of_a_corridor(seed):
     log = cs.simulate("building", sensor="hokuyo-270", n_scans=150, seed=seed, odometry_noise=None)
@@ -175,7 +174,6 @@ def test_a_wide_pole_on_the_robot_is_left_out_of_a_corridor(seed):
     mended = mend(as_log(scans), is_order_needed=False)
     assert mended.remarks[0].startswith("left out: beams 360 to 467, which see the robot itself")
     assert error_and_nees(mended.log, log.truth.poses)[0] < 0.02
-    assert error_and_nees(as_log(scans), log.truth.poses)[0] > 0.05  # half a corridor's walls cannot hold against it
 
 
 def test_a_pole_on_the_robot_does_not_hold_the_odometry():

@@ -18,7 +18,7 @@ from curvescan.slam.map import SlamMap, load_map
 def _map() -> SlamMap:
     even = LaserScan(
         np.array([1.5, np.inf, 2.0, 0.0], dtype=np.float32),
-        angle_min=-0.5, angle_increment=0.3, range_min=0.1, range_max=9.0, stamp=3.25,
+        angle_min=-0.5, angle_increment=0.3, range_min=0.1, range_max=9.0, stamp=3.25, noise_doubled_at=0.5,
     )  # fmt: skip
     uneven = LaserScan(np.array([1.0, 2.0, 4.0]), angles=np.array([-0.4, 0.0, 0.9]), stamp=4.5)
     builder = OccupancyBuilder()
@@ -41,11 +41,21 @@ def test_what_is_written_comes_back(tmp_path: Path) -> None:
     for one, other in zip(after.scans, before.scans, strict=True):
         assert np.array_equal(one.ranges, other.ranges)
         assert np.array_equal(one.angles, other.angles)
-        assert (one.stamp, one.range_max) == (other.stamp, other.range_max)
+        for name in ("stamp", "range_max", "noise_doubled_at"):
+            assert getattr(one, name) == getattr(other, name), name
     assert after.grid is not None
     assert before.grid is not None
     assert np.array_equal(after.grid.log_odds, before.grid.log_odds)
     assert after.grid.config == before.grid.config
+
+
+def test_a_map_that_says_nothing_of_the_noise_is_read(tmp_path: Path) -> None:
+    _map().save(tmp_path / "a.csmap")
+    with np.load(tmp_path / "a.csmap") as file:
+        arrays = {name: file[name] for name in file.files if name != "noise_doubled_at"}
+    with (tmp_path / "b.csmap").open("wb") as file:
+        np.savez_compressed(file, **arrays)
+    assert {scan.noise_doubled_at for scan in load_map(tmp_path / "b.csmap").scans} == {np.inf}
 
 
 def test_edges_of_wheels_that_maps_had_once_are_left_out(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.diagnostics.floor import Floor, find_lines, moves_along
 from curvescan.diagnostics.motion_prior import Gyroscope, judge_gyroscope
+from curvescan.diagnostics.range_noise import noise_doubled_at
 from curvescan.diagnostics.rotation_direction import RotationDirection, odometry_lag
 from curvescan.diagnostics.sensor import BeamOrder, SensorJudgement, judge_sensor
 from curvescan.diagnostics.statistics import EmptyBeams, FixedBeams, LogStatistics
@@ -99,6 +100,7 @@ class LogReport:
     empty_beams: EmptyBeams | None  # beams that never read between others that do; None where they are not many
     fixed_beams: FixedBeams | None  # beams that see the robot itself; None without
     largest_reading: float  # largest valid reading, metres; NaN without
+    noise_doubled_at: float  # range at which the variance of the range noise has doubled, metres; inf: it does not grow
     # values that are no reading and make up at least 0.1 % of the readings, most frequent first, 8 at most
     codes: tuple[ReadingCode, ...]
     # a valid value that repeats so often at the top of the range that it looks like a code for *no reading*
@@ -183,6 +185,7 @@ def inspect_log(
         empty_beams=statistics.beams.empty_beams,
         fixed_beams=statistics.beams.fixed_beams,
         largest_reading=max(statistics.top, default=math.nan),
+        noise_doubled_at=noise_doubled_at(statistics.sample),
         codes=_codes(statistics),
         suspect=_suspect(statistics),
         code_band=code_band,

@@ -72,6 +72,8 @@ def mend(log: Log, *, as_is: bool = False, is_order_needed: bool = True) -> Prep
         if as_is or not faults:
             break
         log, done = HeldLog(_without(log, faults, report)), (*done, *faults)
+    if not as_is and report.noise_doubled_at < math.inf:
+        log = HeldLog(_Changed(log, lambda _, scan: replace(scan, noise_doubled_at=report.noise_doubled_at)))
     return PreparedLog(log=log, done=done, issues=issues, report=report)
 
 
@@ -123,7 +125,7 @@ class StreamMender:
         self._tell = tell
         self._first: list[LaserScan] = []
         self._done: dict[str, Issue] = {}
-        self._before, self._range_max = np.empty(0), math.inf
+        self._before, self._range_max, self._noise_doubled_at = np.empty(0), math.inf, math.inf
         self._filters: list[Callable[[LaserScan], LaserScan]] = []
 
     def add(self, scan: LaserScan) -> LaserScan:
@@ -136,6 +138,8 @@ class StreamMender:
         scan = _limited(scan, self._range_max)
         if "stale_beams" in self._done and len(before) == len(scan):
             scan = without_readings(scan, scan.valid & (scan.ranges == before))
+        if self._noise_doubled_at < math.inf:
+            scan = replace(scan, noise_doubled_at=self._noise_doubled_at)
         return _filtered(scan, self._filters)
 
     def _judge(self) -> None:
@@ -148,7 +152,7 @@ class StreamMender:
         for kind in self._done.keys() - found.keys():
             self._tell(f"{since} no longer {self._done[kind].mending}")
         limits = dict(i.remedy for i in found.values() if i.remedy)
-        self._filters = _filters(found, report)
+        self._filters, self._noise_doubled_at = _filters(found, report), report.noise_doubled_at
         self._done, self._range_max = found, float(str(limits.get("range_max", math.inf)))
 
 

@@ -184,6 +184,7 @@ Layout = tuple[int, float, float, bool]  # number of beams, angle_min, mean step
 _MAX_CODES = 1024
 _MAX_LAYOUTS = 256
 _N_TOP = 16
+_N_SAMPLE = 200
 
 
 @dataclass
@@ -205,6 +206,9 @@ class LogStatistics:
     codes: Counter[float] = field(default_factory=Counter)  # values that are no reading: the first thousand of them
     top: dict[float, int] = field(default_factory=dict)  # exact counts of the 16 largest valid values, fresh
     top_of_range: TopOfRange = field(default_factory=TopOfRange)  # the fresh readings by distance
+    sample: list[LaserScan] = field(default_factory=list)  # fresh scans, evenly spaced, and at most 200
+    _spacing: int = 1
+    _n_fresh: int = 0
     _previous: Floats | None = None
 
     def add(self, scan: LaserScan) -> None:
@@ -228,6 +232,11 @@ class LogStatistics:
         if previous is not None and len(scan) and np.array_equal(previous, scan.ranges, equal_nan=True):
             self.n_repeats += n_valid > 0
             return  # what it says of the top of the range, and of single beams, has been said
+        if self._n_fresh % self._spacing == 0:
+            self.sample.append(scan)
+            if len(self.sample) > _N_SAMPLE:
+                self.sample, self._spacing = self.sample[::2], 2 * self._spacing
+        self._n_fresh += 1
         self.beams.add(scan)
         self.n_fresh_readings += len(scan)
         if n_valid:

@@ -39,7 +39,7 @@ _OF_EDGES = {"edge_ends": (2,), "edge_poses": (3,), "edge_covariances": (6,), "e
 """The shape of a row of each array that has one a keyframe, or one an edge."""
 
 _REQUIRED = (*_OF_KEYFRAMES, *_OF_EDGES, "csmap_version", "ranges", "angles")
-_TYPES = {"grid_log_odds": np.float32, "grid_origin": np.float64, "grid_config": np.float64}  # of what may be missing
+_OPTIONAL = ("grid_log_odds", "grid_origin", "grid_config", "noise_doubled_at")
 
 
 def write_map_file(path: str | os.PathLike[str], slam_map: SlamMap) -> None:
@@ -58,6 +58,7 @@ def write_map_file(path: str | os.PathLike[str], slam_map: SlamMap) -> None:
             [(s.angle_min, s.angle_increment, s.range_min, s.range_max, not s.has_uniform_angles) for s in scans],
             dtype=np.float64,
         ).reshape(-1, *_OF_KEYFRAMES["setups"]),
+        "noise_doubled_at": np.array([s.noise_doubled_at for s in scans]),
         "ranges": np.concatenate([s.ranges for s in scans] or [np.empty(0)]).astype(np.float32),
         "angles": np.concatenate([s.angles for s in uneven] or [np.empty(0)]),
         "edge_ends": slam_map.ends,
@@ -85,7 +86,7 @@ def read_map_file(path: str | os.PathLike[str]) -> dict[str, Any]:
     with path.open("rb") as opened:
         is_zip = opened.read(2) == b"PK"
     # what no scan has seen packs to nothing
-    file = NpzFile(path, names=(*_REQUIRED, *_TYPES), most_bytes=MAX_BYTES) if is_zip else None
+    file = NpzFile(path, names=(*_REQUIRED, *_OPTIONAL), most_bytes=MAX_BYTES) if is_zip else None
     if file is None or "csmap_version" not in file.headers:
         raise LogFormatError(
             f"{path} is not a map that curvescan saved: give the map.csmap of `curvescan slam`; to localize, and for "
@@ -97,7 +98,7 @@ def read_map_file(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise LogFormatError(f"{path} is a map of version {str(version)[1:-1]}: {last}")
     if missing := [name for name in _REQUIRED if name not in file.headers]:
         raise LogFormatError(f"map {path} is damaged: {', '.join(missing)} missing")
-    arrays = {name: file.read(name, _TYPES.get(name, np.float64)) for name in file.headers}
+    arrays = {name: file.read(name, np.float32 if name == "grid_log_odds" else np.float64) for name in file.headers}
     try:
         return _map_of(arrays)
     except (InvalidArgumentError, ValueError, LookupError, TypeError, OverflowError) as error:
@@ -146,12 +147,13 @@ def _scans_of(arrays: dict[str, Floats]) -> tuple[LaserScan, ...]:
     all_ranges = np.split(arrays["ranges"], np.cumsum(n_beams))[:-1]
     all_angles = iter(np.split(arrays["angles"], np.cumsum(n_beams[is_uneven])))
     scans = []
-    for stamp, ranges, setup in zip(arrays["stamps"].tolist(), all_ranges, arrays["setups"].tolist(), strict=True):
-        first, step, range_min, range_max, uneven = setup
+    setups = np.column_stack((arrays["setups"], arrays.get("noise_doubled_at", np.full(len(n_beams), np.inf)))).tolist()
+    for stamp, ranges, setup in zip(arrays["stamps"].tolist(), all_ranges, setups, strict=True):
+        first, step, range_min, range_max, uneven, noise = setup
         angles = {"angles": next(all_angles)} if uneven else {"angle_min": first, "angle_increment": step}
         # a reading at a limit was rounded to float32
         low, high = min(range_min, float(np.float32(range_min))), max(range_max, float(np.float32(range_max)))
-        scans.append(LaserScan(ranges, range_min=low, range_max=high, stamp=stamp, **angles))
+        scans.append(LaserScan(ranges, range_min=low, range_max=high, stamp=stamp, noise_doubled_at=noise, **angles))
     return tuple(scans)
 
 

@@ -98,7 +98,7 @@ def test_noise_does_not_cut_a_wall_into_pieces():
         assert np.abs(one.image.surfels[:, 6]).mean() < 0.2
     scan, config = wall(0.05), SegmentsConfig()  # by the jump of a scan without noise
     beams = scan.ranges, scan.valid_range, scan.directions, scan.angles
-    sweep = Sweep(*beams, scan.angle_increment, is_even=True, is_clockwise=False, is_closed=False)
+    sweep = Sweep(*beams, scan.angle_increment, is_even=True, is_clockwise=False, is_closed=False, growth=0.0)
     assert len(ordered_readings(sweep, config.incidence_limit, config.jump)[2]) - 1 > 5
 
 

@@ -119,6 +119,7 @@ def _rows(report: LogReport) -> list[tuple[str, str]]:
         ),
         ("valid range", f"{report.range_min:g} to {report.range_max:g} m"),
         ("valid readings", f"{100 * report.valid_share:.1f} %, the farthest {report.largest_reading:g} m"),
+        ("range noise", _noise(report)),
         ("no-return codes", ", ".join(f"{c.value:g} ({100 * c.share:.1f} %)" for c in report.codes) or "none"),
         (
             "wheel odometry",
@@ -130,6 +131,12 @@ def _rows(report: LogReport) -> list[tuple[str, str]]:
         ("beam order", _beam_order(report)),
         ("turns", _turns(report)),
     ]
+
+
+def _noise(report: LogReport) -> str:
+    if math.isinf(report.noise_doubled_at):
+        return ""
+    return f"grows with the range: twice the variance at {report.noise_doubled_at:.2g} m"
 
 
 def _steps(report: LogReport) -> str:

@@ -26,7 +26,7 @@ from curvescan.matchers.curvescan.association import (
 )
 from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, REACH, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage
-from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, VARIANCE
+from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, SHARED, VARIANCE
 from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
 
@@ -97,7 +97,9 @@ def accumulate(
         mx, my = turned_back(mx, my, motion) if way < 0.0 else turned(mx, my, motion)
         if mx * nx + my * ny < _FACING:
             continue
-        weight, u2 = 1.0 / variance, e * e / variance
+        # where walls and things contradict each other, walls say where the sensor is; then each reading for itself
+        shared = surfels[i, SHARED] + others[j, SHARED] if sigma_extra > 0.0 else 0.0
+        weight, u2 = 1.0 / (variance + shared), e * e / variance
         if u2 > _KNEE_CHI2:
             left, whole = _OUTLIER_CHI2 - u2, _OUTLIER_CHI2 - _KNEE_CHI2
             weight *= left * left / (whole * whole)

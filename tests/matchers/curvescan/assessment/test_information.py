@@ -20,7 +20,7 @@ from curvescan.matchers.curvescan.assessment.information import (
 )
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.config import InformationConfig
-from curvescan.matchers.curvescan.features.surfels import N_COLUMNS, NX, NY, TILT, VARIANCE, X, Y
+from curvescan.matchers.curvescan.features.surfels import N_COLUMNS, NX, NY, SHARED, TILT, VARIANCE, X, Y
 from curvescan.matchers.curvescan.refinement import refine
 from tests.matchers.curvescan.scenes import MOTION, compare_readings, features, hall_scan, no_objects, pair, pillar_scan
 from tests.reference import curvescan as slow
@@ -96,6 +96,7 @@ def test_residuals_above_the_noise_widen_the_covariance_and_smaller_ones_do_not_
         surfels = [one.copy() for one in (ref_surfels, cur_surfels)]
         for one in surfels:
             one[one[:, VARIANCE] > 0.0, VARIANCE] /= factor
+            one[:, SHARED] /= factor
         found, *_ = information_of(surfels[0], partner_ref, surfels[1], partner_cur, pose)
         # information in proportion to 1 / variance, and then divided by what residuals exceed the noise
         np.testing.assert_allclose(found / information, factor / expected, rtol=0.25)
@@ -120,6 +121,8 @@ def test_the_covariance_is_that_of_a_monte_carlo():
     errors, predicted = [], []
     for seed in range(200):
         ref, cur = pair(seed)
+        for scan in (ref, cur):  # the pillars stand still
+            scan.image.surfels[:, SHARED] = 0.0
         pose = refine(MOTION[np.newaxis], ref.full_image, cur.full_image, np.array([0.0, 0.0]))[0]
         _, (information, _, axes, units) = information_at(ref, cur, pose)
         errors.append(pose - MOTION)

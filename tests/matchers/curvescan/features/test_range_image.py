@@ -9,6 +9,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.features.range_image import azimuth_table, bearing, choose_samples, reading_at
+from curvescan.matchers.curvescan.features.surfels import N_COLUMNS
 from tests.matchers.curvescan.scenes import features, pillar_scan
 from tests.reference import curvescan as slow
 
@@ -130,7 +131,7 @@ def test_probes_are_spread_over_the_lengths_of_the_surfaces():
     surfels = one.image.surfels
     step = 1.0 / one.image.slots_a_radian
     samples = choose_samples(surfels, 200)
-    assert samples.shape == (200, 11)
+    assert samples.shape == (200, N_COLUMNS)
     facing = np.abs(np.sum(surfels[:, :2] * surfels[:, 5:7], axis=1)) / surfels[:, 2]
     length = np.clip(surfels[:, 2] * step / np.maximum(facing, 0.1), 0.03, 0.3)
     is_right = surfels[:, 1] < 0
@@ -154,4 +155,4 @@ def test_surfaces_without_lines_have_no_probes():
     surfels = np.zeros((5, 11))
     surfels[:, 2], surfels[:, 7] = 1.0, -1.0
     for one in (surfels, surfels[:0]):
-        assert choose_samples(one, 12).shape == (0, 11)
+        assert choose_samples(one, 12).shape == (0, N_COLUMNS)

@@ -28,6 +28,7 @@ def run_sweep(scan, told_by_angles=False):
             not told_by_angles,
             scan.angle_increment < 0,
             scan.is_full_circle,
+            0.0,
         ),
         CONFIG.incidence_limit,
         CONFIG.jump,

@@ -2,9 +2,10 @@
 
 The information of a point-to-line fit in closed form (Censi, "An accurate closed-form estimate of ICP's
 covariance", ICRA 2007; "On achievable accuracy for pose tracking", ICRA 2009): each reading constrains the pose along
-its line's normal, with the range noise of both scans. Lines are fitted to noisy readings, and a tilted line seems to
-give something along the wall as well: in a corridor that is all there is. Its expected amount is known from the fit and
-is taken off, so that a corridor stays unobservable along itself.
+its line's normal, with the range noise of both scans; readings of a thing that stands free share what it may have moved
+by. Lines are fitted to noisy readings, and a tilted line seems to give something along the wall as well: in a corridor
+that is all there is. Its expected amount is known from the fit and is taken off, so that a corridor stays unobservable
+along itself.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD, distances, lever, motion_of, projected, turned
 from curvescan.matchers.curvescan.features.features import Surfaces
 from curvescan.matchers.curvescan.features.objects import Objects, all_movable
-from curvescan.matchers.curvescan.features.surfels import NX, NY, TILT, VARIANCE
+from curvescan.matchers.curvescan.features.surfels import NX, NY, SHARED, TILT, VARIANCE
 from curvescan.matchers.curvescan.refinement import N_TRIANGLE, XX, YY, add_square
 from curvescan.se2.uncertain import eigen3
 from curvescan.types import Bools, Floats, Ints
@@ -75,7 +76,7 @@ def add_information(
             nx, ny = turned(nx, ny, motion)
         va, vb = surfels[i, VARIANCE], surfels_other[j, VARIANCE]
         normal, along = (nx, ny, ny * dx - nx * dy), (-ny, nx, nx * dx + ny * dy)
-        weight = 1.0 / (va + vb)
+        weight = 1.0 / (va + vb + surfels[i, SHARED] + surfels_other[j, SHARED])
         false = weight * surfels_other[j, TILT]
         add_reading(system, weight, false, normal, along)
         first, second = objects[0].label[i], objects[1].label[j]

@@ -12,7 +12,7 @@ from curvescan.matchers.curvescan.features.landmarks import Landmarks, find_land
 from curvescan.matchers.curvescan.features.objects import Objects, find_objects
 from curvescan.matchers.curvescan.features.range_image import RangeImage, azimuth_table, choose_samples
 from curvescan.matchers.curvescan.features.segments import Sweep, ordered_readings
-from curvescan.matchers.curvescan.features.surfels import NX, NY, X, Y, fit_lines, fit_surfels
+from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, X, Y, fit_lines, fit_surfels
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Ints
 
@@ -63,10 +63,10 @@ class CurvescanFeatures(Surfaces):
 def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatures:
     """Return the features of a scan, also of one without a valid reading."""
     step, segments, is_closed = scan.angle_increment, config.segments, scan.is_full_circle
-    is_even, beams = scan.has_uniform_angles, (scan.directions, scan.angles)
+    is_even, beams, growth = scan.has_uniform_angles, (scan.directions, scan.angles), scan.noise_doubled_at**-2.0
     features = CurvescanFeatures._make(
         extract(
-            Sweep(scan.ranges, scan.valid_range, *beams, abs(step), is_even, step < 0.0, is_closed),
+            Sweep(scan.ranges, scan.valid_range, *beams, abs(step), is_even, step < 0.0, is_closed, growth),
             (segments.incidence_limit, segments.jump, segments.arm, segments.range_sigma_min),
             config.scoring.n_samples,
             scan.stamp,
@@ -86,13 +86,15 @@ def extract(sweep: Sweep, lengths: tuple[float, float, float, float], n_samples:
     """
     incidence_limit, jump, arm, sigma_min = lengths
     beam_idx, readings, bounds = ordered_readings(sweep, incidence_limit, jump)
-    fits, sigma = fit_lines(readings, bounds, arm, sigma_min)
-    if sigma > _NOISY:
-        jump += _JUMP_GROWTH * (sigma - _NOISY)
-        arm *= (sigma / _NOISY) ** _ARM_GROWTH
+    fits, sigma = fit_lines(readings, bounds, arm, sweep.growth)
+    mean_range = readings[:, RANGE].sum() / max(readings.shape[0], 1)
+    noise = sigma * math.sqrt(1.0 + sweep.growth * mean_range**2)
+    if noise > _NOISY:
+        jump += _JUMP_GROWTH * (noise - _NOISY)
+        arm *= (noise / _NOISY) ** _ARM_GROWTH
         beam_idx, readings, bounds = ordered_readings(sweep, incidence_limit, jump)
-        fits, sigma = fit_lines(readings, bounds, arm, sigma_min)
-    surfels = fit_surfels(readings, fits, sweep.step, sigma)
+        fits, sigma = fit_lines(readings, bounds, arm, sweep.growth)
+    surfels = fit_surfels(readings, fits, sweep.step, (sigma, sweep.growth, sigma_min))
     angles, step, is_clockwise = sweep.angles, sweep.step, sweep.is_clockwise
     table, density = azimuth_table(beam_idx, angles, step, sweep.is_even, is_clockwise, sweep.is_closed)
     first = angles[angles.size - 1 if is_clockwise else 0] if angles.size > 0 else 0.0

@@ -7,13 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import inlined, kernel
-from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, VARIANCE, distance2
+from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, SHARED, VARIANCE, distance2
 from curvescan.types import Bools, Floats, Ints
 
 PERSON_EXTENT = 0.6  # metres: no person shows more
 _OBJECT_EXTENT = 1.0  # metres: what is longer is a wall, and stays
 _STANDS_FREE = 0.3  # metres: by so much at least are the surfaces on both sides of a free-standing thing farther away
 STANDS_BEFORE = 0.1  # metres: by so much at least one thing stands before another
+_MOVES = 0.02  # metres: standard deviation of where a free-standing thing is from where it was: not all stand still
 
 
 class Objects(NamedTuple):
@@ -29,7 +30,7 @@ class Objects(NamedTuple):
 
 @kernel
 def find_objects(surfels: Floats, bounds: Ints) -> Objects:
-    """Return the objects of a scan: its surfaces of up to 1 m, and things that stand against longer ones."""
+    """Return the objects of a scan, surfaces of up to 1 m and things that stand against longer ones; write SHARED."""
     m = surfels.shape[0]
     label, movable = np.empty(m, dtype=np.int64), np.empty(m, dtype=np.int64)
     is_small, is_free = np.empty(m, dtype=np.bool_), np.zeros(m, dtype=np.bool_)
@@ -47,6 +48,8 @@ def find_objects(surfels: Floats, bounds: Ints) -> Objects:
         n += own >= 0
         for i in range(first, last + 1):
             label[i], movable[i], is_small[i] = own, own, stands_before
+            if own >= 0 and is_free[own]:  # a mean of all of them keeps the variance of the thing
+                surfels[i, SHARED] = (last - first + 1) * _MOVES * _MOVES
         for way in (1, -1):
             n_readings = thing_at_end(surfels, first, last, way) if own < 0 else 0
             begin = first if way > 0 else last - n_readings + 1

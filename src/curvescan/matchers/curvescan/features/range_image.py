@@ -15,8 +15,8 @@ from curvescan.types import Floats, Ints
 class RangeImage(NamedTuple):
     """One scan as the kernels that compare two scans take it."""
 
-    samples: Floats  # (p, 11): surfels that are compared with the other scan: a few that stand for all, or all
-    surfels: Floats  # (m, 11): surfels that the other scan is compared with: all
+    samples: Floats  # (p, 12): surfels that are compared with the other scan: a few that stand for all, or all
+    surfels: Floats  # (m, 12): surfels that the other scan is compared with: all
     table: Ints  # (n_slots,): reading in each direction, see :func:`azimuth_table`
     azimuth_min: float  # direction of slot 0 of the table, radians in [-pi, pi]
     # slots for a radian, and between neighbouring beams

@@ -41,6 +41,7 @@ class Sweep(NamedTuple):
     is_even: bool  # whether all steps are alike
     is_clockwise: bool
     is_closed: bool  # whether the last beam neighbours the first
+    growth: float  # of the variance of the range noise with the square of the range, of that at the sensor
 
 
 @kernel

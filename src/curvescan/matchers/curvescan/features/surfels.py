@@ -15,10 +15,11 @@ from curvescan.matchers.curvescan.config import LIKELY_SIGMAS
 from curvescan.types import Floats, Ints
 
 # Columns of a surfel: the reading (x, y, range), a point (cx, cy) and the unit normal (nx, ny) of the line through it,
-# facing the sensor, the variance of the reading across the line and of the line's direction, and the length of surface
-# that it stands for. Without a line the variance is negative and the length 0.
-X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT, LENGTH, SPACING = range(11)
-N_COLUMNS = SPACING + 1
+# facing the sensor, the variance of the reading across the line and of the line's direction, the length of surface that
+# it stands for, and the variance that it has besides as a part of a thing that may have moved. Without a line the
+# variance is negative and the length 0.
+X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT, LENGTH, SPACING, SHARED = range(12)
+N_COLUMNS = SHARED + 1
 
 SUM_X, SUM_Y, SUM_XX, SUM_XY, SUM_YY = range(5)  # columns of the running sums of `moments`
 # Columns of the line fitted around a reading: its centre and unit direction, mean squared distance of its readings from
@@ -113,8 +114,8 @@ def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, fl
 
 
 @kernel
-def fit_lines(readings: Floats, bounds: Ints, arm: float, sigma_min: float) -> tuple[Floats, float]:
-    """Return (m, 8) the line around each reading, and the range noise of the sweep.
+def fit_lines(readings: Floats, bounds: Ints, arm: float, growth: float) -> tuple[Floats, float]:
+    """Return (m, 8) the line around each reading, and the range noise of the sweep at the sensor.
 
     The noise is a low quantile (two fifths, as clutter raises many) of the fits' residual variances along the beams.
     """
@@ -141,10 +142,10 @@ def fit_lines(readings: Floats, bounds: Ints, arm: float, sigma_min: float) -> t
             if n >= 5:
                 facing = (ux * y - uy * x) / readings[i, RANGE]
                 cos2 = max(facing * facing, _MIN_FACING2)
+                cos2 *= 1.0 + growth * readings[i, RANGE] ** 2
                 variances[n_fits] = variance * _RAISED[min(n, 64)] / cos2
                 n_fits += 1
-    sigma = math.sqrt(low_quantile(variances[:n_fits]))
-    return fits, max(sigma, sigma_min)
+    return fits, math.sqrt(low_quantile(variances[:n_fits]))
 
 
 @kernel
@@ -185,19 +186,21 @@ def best_fit(fits: Floats, i: int, facing2: float, sigma2: float) -> int:
 
 
 @kernel
-def fit_surfels(readings: Floats, fits: Floats, step: float, sigma: float) -> Floats:
-    """Return the readings with the lines through them, as (m, 11) surfels.
+def fit_surfels(readings: Floats, fits: Floats, step: float, noise: tuple[float, float, float]) -> Floats:
+    """Return the readings with the lines through them, as (m, 12) surfels.
 
     A reading stands for the length of surface between it and its neighbours, `step` radians away, but for no more than
-    0.3 m and for no less than 0.03 m: near surfaces, which are dense, do not count for all, nor far ones.
+    0.3 m and for no less than 0.03 m: near surfaces, which are dense, do not count for all, nor far ones. noise: of a
+    range at the sensor, the growth of its variance, and the least noise anywhere.
     """
     m = readings.shape[0]
-    sigma2 = sigma * sigma
+    sigma, growth, sigma_min = noise
     surfels = np.empty((m, N_COLUMNS))
     for i in range(m):
         x, y, r = readings[i, X], readings[i, Y], readings[i, RANGE]
         bx, by = x / r, y / r
-        surfels[i, X], surfels[i, Y], surfels[i, RANGE] = x, y, r
+        sigma2 = max(sigma * math.sqrt(1.0 + growth * r * r), sigma_min) ** 2
+        surfels[i, X], surfels[i, Y], surfels[i, RANGE], surfels[i, SHARED] = x, y, r, 0.0
         if fits[i, FIT_HIGH] - fits[i, FIT_LOW] < 2.0:
             # alone: a point that faces the sensor and holds no line
             surfels[i, CX], surfels[i, CY] = x, y
