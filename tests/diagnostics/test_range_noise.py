@@ -11,12 +11,13 @@ import curvescan as cs
 from curvescan.diagnostics.preparation import StreamMender, mend
 from curvescan.diagnostics.range_noise import noise_doubled_at
 from curvescan.io.arrays.memory import as_log
+from curvescan.simulation import SENSORS
 
 
 def drive(doubled_at, *, at_sensor=0.004, world="office", sensor="spinning-360", seed=0):
     """120 scans with noise of some metres at the sensor whose variance has doubled at a range."""
     rng = np.random.default_rng(seed)
-    exact = replace(cs.simulation.SENSORS[sensor], sigma_range=0.0)
+    exact = replace(SENSORS[sensor], sigma_range=0.0)
     for scan in cs.simulate(world, sensor=exact, n_scans=120, seed=seed):
         sigma = at_sensor * np.sqrt(1.0 + (np.where(scan.valid, scan.ranges, 0.0) / doubled_at) ** 2)
         yield replace(scan, ranges=scan.ranges + sigma * rng.standard_normal(len(scan)))
@@ -43,7 +44,9 @@ def test_noise_in_proportion_to_the_range_has_doubled_at_a_quarter_of_a_metre():
 def test_too_little_to_tell_is_no_growth():
     blank = cs.LaserScan([np.nan] * 90, angle_min=-1.0, angle_increment=0.02)
     one = next(drive(0.5))
-    for few in ([], [blank], [cs.LaserScan([1.0, 1.1], angle_min=0.0, angle_increment=0.1)], [one]):
+    two = cs.LaserScan([1.0, 1.1], angle_min=0.0, angle_increment=0.1)
+    round_wall = cs.LaserScan([2.0] * 360, angle_min=0.0, angle_increment=np.radians(1.0))
+    for few in ([], [blank], [two], [one], [round_wall] * 9):
         assert noise_doubled_at(few) == np.inf
 
 

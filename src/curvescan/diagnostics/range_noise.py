@@ -30,6 +30,8 @@ def noise_doubled_at(scans: Iterable[LaserScan]) -> float:
         return math.inf
     bands = np.array_split(np.argsort(ranges, kind="stable"), _N_BANDS)
     squares = np.array([np.mean(ranges[band] ** 2) for band in bands])
+    if squares[-1] < 2.0 * squares[0]:  # all lie as far away
+        return math.inf
     noise = np.array([np.quantile(variances[band], _QUANTILE) for band in bands]).clip(_LEAST_VARIANCE)
     growth, at_sensor = np.polyfit(squares, noise, 1, w=1.0 / noise)
     if at_sensor >= growth * _GROWS_WITHIN**2:
