@@ -175,6 +175,7 @@ def test_directions_go_one_way_and_round_once():
         ({"range_min": 9.0}, r"0 <= range_min < range_max, got range_min=9.0, range_max=8.0"),
         ({"range_max": math.nan}, "range_max=nan"),
         ({"stamp": math.inf}, "stamp must be finite"),
+        ({"noise_doubled_at": 0.0}, "noise_doubled_at must be at least 0.01 m, got 0.0"),
         ({"intensities": [1.0]}, r"one value a beam \(2\), got 1"),
         ({"angles": [0.0, 0.1], "angle_min": "a"}, "angle_min must be a number, got 'a'"),
     ],

@@ -53,7 +53,7 @@ class LaserScan:
         Pose of the sensor at this scan by its wheels, [x, y, theta] in a frame of their own, NaN where it is unknown:
         odometry, SLAM and localization expect its motion. None without.
     noise_doubled_at : float
-        Range at which the variance of the range noise is twice that at the sensor, metres, > 0: it grows with the
+        Range at which the variance of the range noise is twice that at the sensor, metres, >= 0.01: it grows with the
         square of the range. inf: as large everywhere. How large it is, each scan tells.
 
     Raises
@@ -95,7 +95,7 @@ class LaserScan:
                 raise InvalidArgumentError(
                     f"{name} must be finite and >= 0 seconds, got {getattr(self, name)}: 0 says that it is not known"
                 )
-        require(self.noise_doubled_at > 0.0, "noise_doubled_at must be > 0 m", self.noise_doubled_at)
+        require(self.noise_doubled_at >= 0.01, "noise_doubled_at must be at least 0.01 m", self.noise_doubled_at)
         beams = self._beams_given()
         require_radians(beams)
         for name in ("angle_min", "angle_increment", "angles"):
