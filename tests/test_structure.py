@@ -198,7 +198,7 @@ PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
 """Floats that nobody tunes; neither are those of 1e-6 and smaller, which guard divisions."""
 
 BUDGET: dict[str, tuple[int, int, int]] = {
-    "(ground)": (1704, 33, 0),
+    "(ground)": (1704, 34, 0),
     "benchmarks": (482, 23, 0),
     "cli": (2643, 16, 0),
     "diagnostics": (2271, 73, 0),
