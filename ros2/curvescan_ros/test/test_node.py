@@ -24,8 +24,8 @@ from curvescan.live.base_motion import BaseMotion
 
 def offline(messages_like, scans):
     """What the node must say of each scan."""
-    odometry, motion = curvescan.Odometry(), BaseMotion(np.zeros(3))
-    for message, scan in zip(messages_like, scans, strict=True):
+    odometry, motion, mender = curvescan.Odometry(), BaseMotion(np.zeros(3)), StreamMender(print)
+    for message, scan in zip(messages_like, map(mender.add, scans), strict=True):
         state = motion.add(odometry.add(scan), scan.stamp)
         yield odometry_message(message.header.stamp, state, "odom", "laser")
 
@@ -124,8 +124,8 @@ def test_in_a_saved_map_that_map_is_published_first(bench, scans, scans_file, tm
     for scan in heard:
         slam.add(scan)
     slam.map.save(tmp_path / "floor.csmap")
-    localizer = curvescan.Localizer(curvescan.load_map(tmp_path / "floor.csmap"))
-    expected = Counter(localizer.add(scan).outcome.name.lower() for scan in heard)
+    localizer, mender = curvescan.Localizer(curvescan.load_map(tmp_path / "floor.csmap")), StreamMender(print)
+    expected = Counter(localizer.add(mender.add(scan)).outcome.name.lower() for scan in heard)
     made = bench(mode="localization", map_file=str(tmp_path / "floor.csmap"))
     time.sleep(2.0)
     first = made.maps[0]  # before any scan
