@@ -118,7 +118,7 @@ def information(surfels_ref, partner_ref, surfels_cur, partner_cur, pose):
             if j < 0 or surfel[7] < 0 or others[j, 7] < 0:
                 continue
             slope = jacobian(pose, surfel[:2], others[j], inverse)
-            total += np.outer(slope, slope) / (surfel[7] + others[j, 7] + max(surfel[11], others[j, 11]))
+            total += np.outer(slope, slope) / (surfel[7] + others[j, 7] + surfel[11] + others[j, 11])
             e = residual(pose, surfel[:2], others[j], inverse)
             squares.append(e * e / (surfel[7] + 0.3 * others[j, 7]))
     return 0.5 * total / max(np.mean(squares), 1.0)

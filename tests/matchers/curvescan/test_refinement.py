@@ -35,7 +35,7 @@ def test_the_gradient_is_the_derivative_of_the_residuals(seed, inverse):
         slope = slow.jacobian(pose, surfel[:2], other, inverse)
         variance = surfel[7] + other[7] + 0.05**2
         u2 = e * e / variance
-        weight = (1.0 if u2 <= 4.0 else (16.0 - u2) ** 2 / 144.0) / (variance + max(surfel[SHARED], other[SHARED]))
+        weight = (1.0 if u2 <= 4.0 else (16.0 - u2) ** 2 / 144.0) / (variance + surfel[SHARED] + other[SHARED])
         np.testing.assert_allclose(system[6:], weight * slope * e, rtol=1e-5, atol=1e-6)
         full = weight * np.outer(slope, slope)
         np.testing.assert_allclose(system[:6], full[np.triu_indices(3)], rtol=1e-5, atol=1e-4)

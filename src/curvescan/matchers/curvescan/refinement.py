@@ -98,7 +98,7 @@ def accumulate(
         if mx * nx + my * ny < _FACING:
             continue
         # where walls and things contradict each other, walls say where the sensor is; then each reading for itself
-        shared = max(surfels[i, SHARED], others[j, SHARED]) if sigma_extra > 0.0 else 0.0
+        shared = surfels[i, SHARED] + others[j, SHARED] if sigma_extra > 0.0 else 0.0
         weight, u2 = 1.0 / (variance + shared), e * e / variance
         if u2 > _KNEE_CHI2:
             left, whole = _OUTLIER_CHI2 - u2, _OUTLIER_CHI2 - _KNEE_CHI2

@@ -76,7 +76,7 @@ def add_information(
             nx, ny = turned(nx, ny, motion)
         va, vb = surfels[i, VARIANCE], surfels_other[j, VARIANCE]
         normal, along = (nx, ny, ny * dx - nx * dy), (-ny, nx, nx * dx + ny * dy)
-        weight = 1.0 / (va + vb + max(surfels[i, SHARED], surfels_other[j, SHARED]))
+        weight = 1.0 / (va + vb + surfels[i, SHARED] + surfels_other[j, SHARED])
         false = weight * surfels_other[j, TILT]
         add_reading(system, weight, false, normal, along)
         first, second = objects[0].label[i], objects[1].label[j]
