@@ -14,7 +14,7 @@ PERSON_EXTENT = 0.6  # metres: no person shows more
 _OBJECT_EXTENT = 1.0  # metres: what is longer is a wall, and stays
 _STANDS_FREE = 0.3  # metres: by so much at least are the surfaces on both sides of a free-standing thing farther away
 STANDS_BEFORE = 0.1  # metres: by so much at least one thing stands before another
-_MOVES = 0.02  # metres: standard deviation of where a free-standing thing is from where it was: not all stand still
+_MOVES = 0.02  # metres: standard deviation, in each scan, of where a free-standing thing stood: not all stand still
 
 
 class Objects(NamedTuple):
