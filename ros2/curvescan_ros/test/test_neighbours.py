@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 
-from test_node import as_message_has_it, offline
+from test_node import as_mended, as_message_has_it, offline
 
 PACKAGE = Path(__file__).parents[1]
 
@@ -21,7 +21,7 @@ def test_another_vendors_dds_is_answered(bench, scans, scans_file):
     made = bench()
     made.play(scans_file, 40.0, player="foreign_player.py")
     assert len(made.odom) == len(scans)
-    expected = offline(made.odom, [as_message_has_it(scan, scans[0]) for scan in scans])
+    expected = offline(made.odom, as_mended([as_message_has_it(scan, scans[0]) for scan in scans]))
     for message, other in zip(made.odom, expected, strict=True):
         assert message.pose.pose == other.pose.pose
         assert message.twist.twist == other.twist.twist

@@ -24,10 +24,16 @@ from curvescan.live.base_motion import BaseMotion
 
 def offline(messages_like, scans):
     """What the node must say of each scan."""
-    odometry, motion, mender = curvescan.Odometry(), BaseMotion(np.zeros(3)), StreamMender(print)
-    for message, scan in zip(messages_like, map(mender.add, scans), strict=True):
+    odometry, motion = curvescan.Odometry(), BaseMotion(np.zeros(3))
+    for message, scan in zip(messages_like, scans, strict=True):
         state = motion.add(odometry.add(scan), scan.stamp)
         yield odometry_message(message.header.stamp, state, "odom", "laser")
+
+
+def as_mended(scans):
+    """Scans as the node takes them."""
+    mender = StreamMender(print)
+    return [mender.add(scan) for scan in scans]
 
 
 def as_message_has_it(scan, first):
@@ -57,7 +63,7 @@ def test_every_scan_is_answered_and_equals_offline_to_the_bit(bench, scans, scan
     made = bench()
     made.play(scans_file, 40.0)
     assert len(made.odom) == len(scans)
-    expected = offline(made.odom, [as_message_has_it(scan, scans[0]) for scan in scans])
+    expected = offline(made.odom, as_mended([as_message_has_it(scan, scans[0]) for scan in scans]))
     for message, other in zip(made.odom, expected, strict=True):
         assert message.pose.pose == other.pose.pose
         assert np.array_equal(message.pose.covariance, other.pose.covariance)
@@ -124,8 +130,8 @@ def test_in_a_saved_map_that_map_is_published_first(bench, scans, scans_file, tm
     for scan in heard:
         slam.add(scan)
     slam.map.save(tmp_path / "floor.csmap")
-    localizer, mender = curvescan.Localizer(curvescan.load_map(tmp_path / "floor.csmap")), StreamMender(print)
-    expected = Counter(localizer.add(mender.add(scan)).outcome.name.lower() for scan in heard)
+    localizer = curvescan.Localizer(curvescan.load_map(tmp_path / "floor.csmap"))
+    expected = Counter(localizer.add(scan).outcome.name.lower() for scan in as_mended(heard))
     made = bench(mode="localization", map_file=str(tmp_path / "floor.csmap"))
     time.sleep(2.0)
     first = made.maps[0]  # before any scan
