@@ -15,7 +15,7 @@ from curvescan.simulation import SENSORS
 
 
 def drive(doubled_at, *, at_sensor=0.004, world="office", sensor="spinning-360", seed=0):
-    """120 scans with noise of some metres at the sensor whose variance has doubled at a range."""
+    """120 scans with noise of `at_sensor` metres at the sensor, whose variance has doubled at `doubled_at` metres."""
     rng = np.random.default_rng(seed)
     exact = replace(SENSORS[sensor], sigma_range=0.0)
     for scan in cs.simulate(world, sensor=exact, n_scans=120, seed=seed):

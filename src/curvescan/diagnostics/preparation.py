@@ -26,7 +26,7 @@ _JUDGED_AT = (100, 1000)  # scans after which a running laser is judged
 class PreparedLog:
     """A log as a run takes it."""
 
-    log: Log  # the log without what is wrong with it beyond doubt; the log itself where nothing was mended
+    log: Log  # without what is wrong beyond doubt, its scans with its noise; itself where there is neither
     done: tuple[Issue, ...]  # what was mended; ``mending`` of each says how
     issues: tuple[Issue, ...]  # what is still wrong or odd with it
     report: LogReport  # what is in it now
@@ -60,8 +60,8 @@ class PreparedLog:
 def mend(log: Log, *, as_is: bool = False, is_order_needed: bool = True) -> PreparedLog:
     """Return a log mended where it is wrong beyond doubt: no-return codes, stale, turned or mirrored beams.
 
-    as_is: mend nothing, and only say what is wrong; is_order_needed: find out in which order the beams were swept,
-    which takes a second and is needed to deskew them.
+    Its scans say how the noise of the laser grows with the range. as_is: mend nothing, and only say what is wrong;
+    is_order_needed: find out in which order the beams were swept, which takes a second and is needed to deskew them.
     """
     done: tuple[Issue, ...] = ()
     given = setup_of(log)
@@ -119,7 +119,10 @@ def _limited(scan: LaserScan, range_max: float) -> LaserScan:
 
 
 class StreamMender:
-    """Mends a running laser's scans by what the first show: codes, a ring, stale beams; it tells when that changes."""
+    """Mends a running laser's scans by what the first show: codes, a ring, stale beams; it tells when that changes.
+
+    How their noise grows with the range, the first show too.
+    """
 
     def __init__(self, tell: Callable[[str], object]) -> None:
         self._tell = tell

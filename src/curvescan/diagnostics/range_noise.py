@@ -18,7 +18,7 @@ _LEAST_FACING = 0.5  # cosine of the incidence: on flatter ones range noise lead
 _N_BANDS, _LEAST_READINGS = 8, 1_000  # bands of range, as many readings in each; lines that tell it
 _QUANTILE = 0.4  # of the lines of a band: clutter raises many
 _LEAST_VARIANCE = 1e-8  # square metres: what is rounded can lie on a line exactly
-# metres: what clutter feigns takes longer, 3.2 m and more in 15 logs of lasers that time light
+# metres: what clutter feigns takes longer, 3.2 m and more in ten logs of lasers that time light
 _GROWS_WITHIN, _LEAST = 2.0, 0.25
 
 
@@ -53,4 +53,4 @@ def _lines_of(scan: LaserScan) -> Floats:
     ranges = np.hypot(*centres.T)
     facing = (np.cos(along) * centres[:, 1] - np.sin(along) * centres[:, 0]) / np.maximum(ranges, 1e-9)
     is_faced = np.abs(facing) > _LEAST_FACING
-    return np.stack([ranges, across / np.maximum(facing**2, _LEAST_FACING**2)])[:, is_faced]
+    return np.stack([ranges[is_faced], across[is_faced] / facing[is_faced] ** 2])

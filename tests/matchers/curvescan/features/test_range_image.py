@@ -152,7 +152,7 @@ def test_the_first_probes_are_spread_like_all():
 
 
 def test_surfaces_without_lines_have_no_probes():
-    surfels = np.zeros((5, 11))
+    surfels = np.zeros((5, N_COLUMNS))
     surfels[:, 2], surfels[:, 7] = 1.0, -1.0
     for one in (surfels, surfels[:0]):
         assert choose_samples(one, 12).shape == (0, N_COLUMNS)

@@ -141,9 +141,8 @@ def fit_lines(readings: Floats, bounds: Ints, arm: float, growth: float) -> tupl
             fits[i, FIT_VARIANCE], fits[i, FIT_ALONG] = variance, along
             if n >= 5:
                 facing = (ux * y - uy * x) / readings[i, RANGE]
-                cos2 = max(facing * facing, _MIN_FACING2)
-                cos2 *= 1.0 + growth * readings[i, RANGE] ** 2
-                variances[n_fits] = variance * _RAISED[min(n, 64)] / cos2
+                of_one = max(facing * facing, _MIN_FACING2) * (1.0 + growth * readings[i, RANGE] ** 2)
+                variances[n_fits] = variance * _RAISED[min(n, 64)] / of_one
                 n_fits += 1
     return fits, math.sqrt(low_quantile(variances[:n_fits]))
 
