@@ -11,6 +11,7 @@ import mmap
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ MAX_BYTES = 1 << 30  # most memory that a map's cells may take; while the grid g
 
 _CELL_BYTES = 5
 _FIRST_MARGIN = 64
+_TILE = 256  # cells
 _MARKS = range(2, 256)  # of the scan that changed a cell last, in turn; 0: none has, 1: one of an earlier turn
 
 
@@ -84,6 +86,23 @@ class OccupancyGrid:
         """(k, 2) centres of the occupied cells, metres, frame of the poses."""
         rows, columns = np.nonzero(self.is_occupied)
         return self.origin + self.resolution * (np.column_stack([columns, rows]) + 0.5)
+
+    def distances(self, most: float) -> NDArray[np.float32]:
+        """Return (n_rows, n_columns) how far cells are from the nearest occupied one, metres, `most` at most.
+
+        A tile at a time, as maps are large and mostly empty.
+        """
+        from scipy.ndimage import distance_transform_edt  # loads for a good part of a second
+
+        occupied, beside = self.is_occupied, math.ceil(most / self.resolution)
+        found = np.full(occupied.shape, most, dtype=np.float32)
+        for row, column in product(*(range(0, n, _TILE) for n in occupied.shape)):
+            top, left = max(row - beside, 0), max(column - beside, 0)
+            around = occupied[top : row + _TILE + beside, left : column + _TILE + beside]
+            if around.any():
+                cells, tile = distance_transform_edt(~around)[row - top :, column - left :], found[row:, column:]
+                np.minimum(self.resolution * cells[:_TILE, :_TILE], most, out=tile[:_TILE, :_TILE])
+        return found
 
     def blocks(self, n_most: int) -> "Blocks":
         """Return a map of at least one cell in so many rows and columns of blocks, at most, for a picture."""

@@ -110,12 +110,13 @@ def test_ties_widen_the_covariance_until_it_holds_them():
 
 
 def test_where_people_agree_by_chance_the_right_place_along_a_corridor_is_found():
-    """Of this pair people in other places agree half a metre along the corridor."""
-    crowded = list(deceptive_pairs("crowded corridor", n_pairs=18, seed=9101))[17]
-    found = cs.match(crowded.reference, crowded.current)
-    assert found.ok
-    np.testing.assert_allclose(found.pose, crowded.pose, atol=0.05)
-    assert found.degenerate_direction is not None  # and that place is nearly as likely
+    """People in other places agree half a metre along the corridor: without a search along it 26 of 40 are right."""
+    pairs = list(deceptive_pairs("crowded corridor", n_pairs=40, seed=9101))
+    found = [(cs.match(pair.reference, pair.current), pair.pose) for pair in pairs]
+    off = [(one, np.abs(one.pose - true)) for one, true in found if one.ok]
+    right = [one for one, (x, y, turn) in off if np.hypot(x, y) < 0.1 and turn < 0.05]
+    assert len(right) >= 29
+    assert all(one in right or one.degenerate_direction is not None for one, _ in off)  # the others name the direction
 
 
 def test_a_few_readings_through_a_door_fix_the_place_along_a_corridor():

@@ -31,6 +31,9 @@ REACH_M = 0.4
 """A beam passes through a wall that stands this far before its end, metres; while places are searched for, readings
 that end farther from a wall than this say nothing. So far apart, neighbouring readings are of two things."""
 
+FAR_M = 1.0
+"""Farther from a wall than this is far from it, metres."""
+
 _WORN = 0.45
 """A reading shows a wall until about four keyframes look through it for each that sees it there: legs, rims and rough
 clutter are hit by some beams and missed by others. What an occupancy map still shows, where fewer look through, is
@@ -43,7 +46,8 @@ _FREE = 0.5 * (_WORN + 0.5)
 class DistanceField(NamedTuple):
     """Cells of a map."""
 
-    distance: NDArray[np.float32]  # (n_rows, n_columns): distance from the nearest cell where readings end, metres
+    # (n_rows, n_columns): distance from the nearest cell where readings end, metres, FAR_M at most
+    distance: NDArray[np.float32]
     is_free: Bools  # (n_rows, n_columns): whether a cell was seen to be empty
     is_solid: Bools  # (n_rows, n_columns): whether a cell stops the beams that come to it
     origin: Floats  # (2,): lower left corner, metres
@@ -103,14 +107,10 @@ def fields_of(slam_map: SlamMap, sizes: list[int], cell: float = OccupancyConfig
 
 def field_of_grid(grid: OccupancyGrid, is_solid: Bools | bool = True) -> DistanceField:
     """Return the field of cells: what they call occupied and free, and which occupied ones stop a beam."""
-    from scipy.ndimage import distance_transform_edt  # loads for a good part of a second
-
-    occupied = grid.is_occupied
-    cells = distance_transform_edt(~occupied) if occupied.any() else np.full(occupied.shape, np.inf)
     return DistanceField(
-        distance=(cells * grid.resolution).astype(np.float32),
+        distance=grid.distances(FAR_M),
         is_free=np.ascontiguousarray(grid.is_free),
-        is_solid=np.ascontiguousarray(occupied & is_solid),
+        is_solid=np.ascontiguousarray(grid.is_occupied & is_solid),
         origin=np.asarray(grid.origin, dtype=np.float64),
         resolution=grid.resolution,
     )
