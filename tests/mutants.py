@@ -214,16 +214,23 @@ NAMED = (
     _named(
         "what a match of keyframes leaves open is measured",
         "slam/loops/closures.py",
-        "found = claimed = as_measurement(result)",
-        "found = claimed = UncertainPose(result.pose, result.covariance)",
+        "found := as_measurement(result)",
+        "found := UncertainPose(result.pose, result.covariance)",
         "slam/test_closures.py",
     ),
     _named(
         "views that share nothing may be of one place",
         "slam/loops/closures.py",
-        "claimed = within_sight(found, along, *views)",
-        "claimed = found",
+        "claims.append(within_sight(found, along, *views))",
+        "claims.append(found)",
         "slam/test_closures.py",
+    ),
+    _named(
+        "wheels say nothing against people who keep pace",
+        "odometry/measurement.py",
+        "slip = min(slip_odds(off, distance), CERTAIN)",
+        "slip = -math.inf",
+        "odometry/test_gating.py",
     ),
     _named(
         "a leap of wheels is a slip of theirs",

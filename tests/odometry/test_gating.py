@@ -121,6 +121,29 @@ def test_a_doubtful_match_of_a_sudden_shift_counts_for_nothing_along_it(pose, co
     assert result.information[2, 2] == pytest.approx(1e7)
 
 
+WHEELS = UncertainPose(np.array([0.13, 0.0, 0.0]), np.diag([0.01**2, 0.01**2, 0.005**2]))
+
+
+@pytest.mark.parametrize(
+    ("x", "confidence", "repeated", "is_opened"),
+    [
+        (0.01, 0.84, 0.1, True),  # people keep pace: the match says that the sensor stands
+        (0.01, 0.97, 0.1, False),  # the wheels spin
+        (0.01, 0.84, 0.0, False),  # the wheels turn at once, against the last motion as well: they may have leaped
+        (0.075, 0.84, 0.1, False),  # wheels slip by so much now and then
+    ],
+)
+def test_where_wheels_go_on_as_the_sensor_did_a_doubtful_match_counts_for_nothing_along_the_way(
+    x, confidence, repeated, is_opened
+):
+    last = UncertainPose(np.array([repeated, 0.0, 0.0]), np.diag([0.02**2, 0.02**2, 0.02**2]))
+    clock = {"deskewer": Deskewer(), "odometry_pose": np.zeros(3), "seconds": 0.1}
+    prediction = Prediction(motion=WHEELS, repeated=last, is_measured=True, config=CONFIG, **clock)
+    gated = gate_within(matched((x, 0.0, 0.0), confidence=confidence), WHEELS, prediction, CONFIG)
+    assert gated.is_opened is is_opened
+    assert bool(gated.pose_keyframe_scan.pose[0] > 0.12) is is_opened
+
+
 @pytest.mark.parametrize(("x", "is_opened"), [(0.8, False), (-0.6, True)])
 def test_scans_that_are_missing_may_have_led_on(x, is_opened):
     """A sensor that went on for eight scans is eight times as far; not back."""

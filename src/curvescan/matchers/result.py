@@ -72,6 +72,15 @@ def log_odds(confidence: float, unknown: float = 0.0) -> float:
     return unknown if math.isnan(confidence) else math.log(max(confidence, 1e-6) / max(1.0 - confidence, 1e-6))
 
 
+def slip_odds(off: Floats, distance: float) -> float:
+    """Return the log odds against a motion that slipped by (2,) off, for a match that errs: anywhere along there.
+
+    distance: squared, by what the motion is known to. Slips have a heavy tail: Student's t of three degrees of freedom.
+    """
+    ratio = math.hypot(*off.tolist()) * (1.0 + distance / 3) ** 2 / (WIDE_SIGMA[0] * math.sqrt(distance))
+    return math.log(ratio) if ratio > 0.0 else -math.inf
+
+
 class Outcome(Enum):
     """How a match ended; the value is a sentence for people."""
 

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
-
-import numpy as np
 
 from curvescan.configs import require_parts
 from curvescan.errors import require
 from curvescan.matchers import DEFAULT_METHOD
-from curvescan.types import Cov, Pose
-
-_RECOVERED = 0.5
-"""Seconds from which on a sensor that moved unseen is taken to be no farther off: it has stopped, or turned back."""
 
 MATCHER_HINT = "the configuration of the matcher is given as matcher="
 
@@ -84,18 +77,6 @@ class MotionConfig:
         require(self.sigma_m >= self.least_sigma_m, "sigma_m must not be less than least_sigma_m", self.sigma_m)
         require(self.memory >= 1.0, "memory must be at least 1 step", self.memory)
         require(self.max_repeats >= 0, "max_repeats must be >= 0", self.max_repeats)
-
-    @property
-    def recovery_speed(self) -> float:
-        """How much faster or slower a sensor is at once, metres a second: a standard deviation."""
-        return self.recovery_sigma_m / _RECOVERED
-
-    def recovery_covariance(self, motion: Pose, seconds: float) -> Cov:
-        """Return (3, 3) where the sensor may be besides, once a match failed or contradicts an expected motion (3,)."""
-        most = np.array([self.recovery_sigma_m, self.recovery_sigma_m, self.recovery_sigma_rad])
-        way = math.hypot(motion[0], motion[1])
-        moved = min(round(seconds / _RECOVERED, 2), 1.0) * most + np.array([way, way, abs(motion[2])])
-        return np.diag(np.minimum(moved, most) ** 2)
 
 
 @dataclass(frozen=True, kw_only=True)

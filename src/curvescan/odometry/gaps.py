@@ -38,7 +38,9 @@ def open_gap(o: Observation, last: Localization, log_odds: float = 0.0) -> Gap |
     config, keyframe, previous = o.config.keyframes, last.keyframe, o.state.previous
     if config.max_gap == 0:
         return None
-    before = [k for k in (keyframe, o.state.older) if k is not None and o.matching.can_be_reference(k.scan)]
+    before = [
+        k for k in (keyframe, o.state.older) if k is not None and o.matching.matcher.can_be_reference(k.scan.features)
+    ]
     if previous is not None and previous is not keyframe.scan:
         before.insert(0, last.as_keyframe(previous, o.index - 1, config.variance_retained))
     return Gap(before=tuple(before[:2]), n_scans=1, log_odds=log_odds) if before else None

@@ -16,7 +16,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.matchers import Candidate, MatchResult, PreparedScan, prepared
 from curvescan.matchers.registry import Matcher
-from curvescan.matchers.result import Outcome, log_odds
+from curvescan.matchers.result import Outcome, log_odds, slip_odds
 from curvescan.odometry.config import MotionConfig, OdometryConfig
 from curvescan.odometry.motion_model import Prediction
 from curvescan.scan import LaserScan
@@ -99,8 +99,8 @@ def gate(
 
     The two are fused: along a corridor, which the match leaves open, the expected motion decides. Where they
     contradict each other, what was expected counts as little as after a failure. But where it is likelier that the
-    match is wrong than that the sensor moves so at once, it counts for nothing along there: in a corridor a door that
-    is carried, or the floor before a sensor that tips, is all that it shows of the way.
+    match is wrong than that the sensor moves so at once, or that wheels slip which go on as it did, it counts for
+    nothing along there: of the way a corridor shows a door that is carried, people who keep pace, and nothing else.
     """
     if not result.ok:
         return GatedMatch(result, expected, False, expected)
@@ -114,10 +114,11 @@ def gate(
     if distance <= config.motion_gate_chi2:
         return GatedMatch(result, fused, True, found)
     fused, leap = fuse(UncertainPose(expected.pose, expected.covariance + prediction.recovery), found)
-    odds = log_odds(result.confidence, unknown=CERTAIN)
-    if _SUDDEN * _shift(expected, found, prediction) <= max(odds, 1.0):  # however doubtful, no small shift is sudden
+    odds, off = log_odds(result.confidence, unknown=CERTAIN), found.pose[:2] - expected.pose[:2]
+    slip = min(slip_odds(off, distance), CERTAIN)
+    against = slip if prediction.is_confirmed else _SUDDEN * _shift(expected, found, prediction)
+    if against <= max(odds, 1.0):  # however doubtful, no small shift is sudden
         return GatedMatch(result, fused, False, found, leap)
-    off = found.pose[:2] - expected.pose[:2]
     way = np.array([*off, 0.0]) / math.hypot(*off)
     wide = _OPEN**2 * np.outer(way, way)
     found, result = UncertainPose(found.pose, found.covariance + wide), _opened(result, way, wide)
@@ -173,6 +174,8 @@ class Matching:
         if is_sure and not is_rejected:
             return alone
         guided = self._gated(reference, current, expected, prediction)
+        if guided.is_opened and guided.is_accepted:
+            return guided
         if is_sure:
             return guided if guided.is_plausible else alone
         return alone if alone.is_better_than(guided, min_score) else guided
@@ -203,10 +206,6 @@ class Matching:
                 own = result if is_own else self.matcher.match(reference.features, current.features, None)
                 measured = unguided_measurement(own)
         return gate(result, expected, prediction, motion, measured)
-
-    def can_be_reference(self, scan: PreparedScan) -> bool:
-        """Return whether others can be matched with a scan."""
-        return self.matcher.can_be_reference(scan.features)
 
 
 def as_measurement(result: MatchResult) -> UncertainPose:

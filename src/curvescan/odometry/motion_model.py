@@ -10,12 +10,17 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from curvescan import se2
 from curvescan.deskew import Deskewer
 from curvescan.odometry.config import MotionConfig
 from curvescan.odometry.wheels import Wheels
-from curvescan.se2.uncertain import UncertainPose, identity, wrap_angle
+from curvescan.se2.uncertain import UncertainPose, fuse, identity, wrap_angle
 from curvescan.types import Cov, Pose
+
+_RECOVERED = 0.5
+"""Seconds from which on a sensor that moved unseen is taken to be no farther off: it has stopped, or turned back."""
 
 _LONGEST_STEP = 1_000.0
 """Metres from a scan to the next that an odometry can measure; beyond, it is no measurement."""
@@ -48,15 +53,23 @@ class Prediction(NamedTuple):
     is_missed: bool = False  # whether `odometry_pose` is taken not to have been updated since the last scan
 
     @property
+    def is_confirmed(self) -> bool:
+        """Whether another odometry goes on as the sensor did: one that does not may have leaped, or lag."""
+        return self.is_measured and fuse(self.motion, self.repeated)[1] <= self.config.motion_gate_chi2
+
+    @property
     def recovery(self) -> Cov:
         """(3, 3) how much farther from there the sensor may be once a match failed or contradicts."""
-        return self.config.recovery_covariance(self.motion.pose, self.seconds)
+        most = np.array([self.config.recovery_sigma_m, self.config.recovery_sigma_m, self.config.recovery_sigma_rad])
+        x, y, theta = self.motion.pose.tolist()
+        moved = min(round(self.seconds / _RECOVERED, 2), 1.0) * most + [math.hypot(x, y), math.hypot(x, y), abs(theta)]
+        return np.diag(np.minimum(moved, most) ** 2)
 
     @property
     def reach(self) -> float:
         """How far from there it gets since the last match, if it moves at once: standard deviation, metres."""
         x, y, _ = self.motion.pose.tolist()
-        return min(self.config.recovery_speed * self.seconds, _LONGEST_STEP) + math.hypot(x, y)
+        return min(self.config.recovery_sigma_m * self.seconds / _RECOVERED, _LONGEST_STEP) + math.hypot(x, y)
 
     @property
     def onward(self) -> Pose:

@@ -109,9 +109,8 @@ class Observation:
 
     def prepared(self, motion: Pose) -> PreparedScan:
         """Return the scan ready to be matched, deskewed with a motion since the last one."""
-        return self.matching.prepare(
-            self.prediction.deskewer.deskewed(self.scan, motion) if self.is_deskewed else self.scan
-        )
+        sweep = self.prediction.deskewer.deskewed(self.scan, motion) if self.is_deskewed else self.scan
+        return self.matching.prepare(sweep)
 
 
 class Placement(NamedTuple):

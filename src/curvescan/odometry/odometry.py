@@ -106,7 +106,7 @@ class Odometry:
     def _commit(self, observation: Observation, placement: Placement) -> None:
         """Take up what was found: the one place where anything changes."""
         before, scan = self._state, placement.current
-        is_reference = placement.is_reference and self._matching.can_be_reference(scan)
+        is_reference = placement.is_reference and self.matcher.can_be_reference(scan.features)
         older, last = before.older, before.localization
         if placement.outcome is StepOutcome.LOST:
             older = None

@@ -135,7 +135,7 @@ def _extrapolate(o: Observation, last: Localization, failed: _Attempt) -> Placem
     # the next update of the wheels says where the sensor is, and not where it was at this scan
     if o.prediction.is_missed:
         return placement._replace(is_reference=False)
-    if not o.matching.can_be_reference(o.current):
+    if not o.matching.matcher.can_be_reference(o.current.features):
         return placement
     if o.state.gap is not None:
         settled = settle_gap(o, placement, is_counted=not o.prediction.is_measured)

@@ -12,7 +12,7 @@ from itertools import accumulate
 import numpy as np
 
 from curvescan import se2
-from curvescan.matchers.result import WIDE_SIGMA, log_odds
+from curvescan.matchers.result import log_odds, slip_odds
 from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.odometry.measurement import CERTAIN, as_measurement
 from curvescan.odometry.step import Step, StepOutcome
@@ -108,10 +108,8 @@ class GrowingMap:
             fused, distance = fuse(way, found)
             if distance >= GATE:
                 off = difference(way.pose, found.pose)
-                # odds of a slip, Student's t of three degrees of freedom, against a wrong match anywhere along there
-                slips = WIDE_SIGMA[0] * math.sqrt(distance) / (1.0 + distance / 3) ** 2
-                errs = math.exp(-log_odds(result.confidence, unknown=CERTAIN)) * math.hypot(off[0], off[1])
-                way = UncertainPose(way.pose, way.covariance + slips / (slips + errs) * np.outer(off, off))
+                errs = slip_odds(off[:2], distance) - log_odds(result.confidence, unknown=CERTAIN)
+                way = UncertainPose(way.pose, way.covariance + np.outer(off, off) / (1.0 + math.exp(errs)))
             elif result.degenerate_direction is None:
                 way, self._open_way, kind = found, 0.0, EdgeKind.MATCH
             else:

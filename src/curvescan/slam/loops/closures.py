@@ -100,12 +100,13 @@ def closure_of(
     )  # fmt: skip
     if not result.ok:
         return tried
-    found = claimed = as_measurement(result)
+    claims = [found := as_measurement(result)]
     if (along := result.degenerate_direction) is not None:  # a corridor seen askew would push what stands afar
         tried = replace(tried, pose=result.pose + ((expected.pose - result.pose) @ along) * along)
-        claimed = within_sight(found, along, *views)  # speaks against it, and not for it: all of a corridor is alike
+        # speaks against it, and not for it: all of a corridor is alike
+        claims.append(within_sight(found, along, *views))
     distance = fuse(expected, found)[1]
-    off = ((difference(expected.pose, one.pose), expected.covariance + one.covariance) for one in (found, claimed))
+    off = ((difference(expected.pose, one.pose), expected.covariance + one.covariance) for one in claims)
     expectation = min(expectation_of(*one, config, is_open=along is not None, is_apart=is_apart) for one in off)
     tried = replace(tried, covariance=config.noise.edge(found.covariance), distance=distance, expectation=expectation)
     if expectation + tried.log_odds > config.closures.log_odds:
