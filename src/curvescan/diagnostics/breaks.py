@@ -125,7 +125,7 @@ def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap) -> bo
 
 
 def _is_told(search: MapSearch, slam_map: SlamMap, rows: list[int]) -> bool:
-    """Return whether the scan of a keyframe alone speaks clearly more for its pose than for any other place."""
+    """Return whether of some keyframes one scan alone speaks clearly more for its pose than for any other place."""
     for row in rows:
         scan, pose = slam_map.scans[row], slam_map.poses[row]
         points = lasting_points(scan)

@@ -29,7 +29,7 @@ MAX_BYTES = 1 << 30  # most memory that a map's cells may take; while the grid g
 
 _CELL_BYTES = 5
 _FIRST_MARGIN = 64
-_TILE = 256  # cells
+_TILE = 256  # cells along a side of what is looked at at once
 _MARKS = range(2, 256)  # of the scan that changed a cell last, in turn; 0: none has, 1: one of an earlier turn
 
 

@@ -100,7 +100,7 @@ def gate(
     The two are fused: along a corridor, which the match leaves open, the expected motion decides. Where they
     contradict each other, what was expected counts as little as after a failure. But where it is likelier that the
     match is wrong than that the sensor moves so at once, or that wheels slip which go on as it did, it counts for
-    nothing along there: of the way a corridor shows a door that is carried, people who keep pace, and nothing else.
+    nothing along there: in a corridor a door that is carried, or people who keep pace, may be all that shows the way.
     """
     if not result.ok:
         return GatedMatch(result, expected, False, expected)
