@@ -228,8 +228,8 @@ NAMED = (
     _named(
         "wheels say nothing against people who keep pace",
         "odometry/measurement.py",
-        "slip = min(slip_odds(off, distance), CERTAIN)",
-        "slip = -math.inf",
+        "against = min(slip_odds(off, distance), CERTAIN)",
+        "against = -math.inf",
         "odometry/test_gating.py",
     ),
     _named(

@@ -14,7 +14,7 @@ from scipy.ndimage import distance_transform_edt
 from curvescan import LaserScan, simulate
 from curvescan.errors import InvalidArgumentError, MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
+from curvescan.mapping.occupancy import OccupancyBuilder, distances_from
 from curvescan.mapping.run_maps import build_maps
 from tests.reference.occupancy import occupancy
 
@@ -228,9 +228,8 @@ def test_occupied_cells_lie_on_the_walls_and_people_are_left_out():
 def test_distances_are_those_of_the_whole_map_up_to_the_most_that_is_asked_for(share):
     """Also where the nearest wall lies in the next tile."""
     occupied = np.random.default_rng(4).random((530, 300)) < share
-    grid = OccupancyGrid(log_odds=np.where(occupied, 3.0, 0.0), origin=np.zeros(2), config=OccupancyConfig())
     whole = 0.05 * distance_transform_edt(~occupied) if occupied.any() else np.full(occupied.shape, np.inf)
-    np.testing.assert_allclose(grid.distances(1.0), np.minimum(whole, 1.0), rtol=1e-6)
+    np.testing.assert_allclose(distances_from(occupied, 0.05, 1.0), np.minimum(whole, 1.0), rtol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -137,8 +137,7 @@ def test_where_wheels_go_on_as_the_sensor_did_a_doubtful_match_counts_for_nothin
     x, confidence, repeated, is_opened
 ):
     last = UncertainPose(np.array([repeated, 0.0, 0.0]), np.diag([0.02**2, 0.02**2, 0.02**2]))
-    clock = {"deskewer": Deskewer(), "odometry_pose": np.zeros(3), "seconds": 0.1}
-    prediction = Prediction(motion=WHEELS, repeated=last, is_measured=True, config=CONFIG, **clock)
+    prediction = Prediction(WHEELS, last, True, Deskewer(), np.zeros(3), CONFIG, seconds=0.1)
     gated = gate_within(matched((x, 0.0, 0.0), confidence=confidence), WHEELS, prediction, CONFIG)
     assert gated.is_opened is is_opened
     assert bool(gated.pose_keyframe_scan.pose[0] > 0.12) is is_opened

@@ -16,6 +16,7 @@ from curvescan.diagnostics.motion_prior import SURE
 from curvescan.engines import RunRecord
 from curvescan.io.log import Log
 from curvescan.odometry.step import StepOutcome
+from curvescan.scan import LaserScan
 from curvescan.slam import Slam
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import contour_length
@@ -81,9 +82,10 @@ def find_ambiguous(record: RunRecord, slam_map: SlamMap, keyframes: Keyframes) -
     n_known = np.searchsorted(scans, [max(k - _N_SCANS, 0) for k in views], side="right").tolist()
     found, fields = [], fields_of(slam_map, n_known)
     for k, n in zip(views, n_known, strict=True):
-        # nothing else holds the field of a large map while the next one is made
-        if not _is_told(MapSearch(next(fields), slam_map.poses[:n], keyframes), slam_map, views[k]):
+        search = MapSearch(next(fields), slam_map.poses[:n], keyframes)
+        if not any(_tells(search, slam_map.scans[row], slam_map.poses[row]) for row in views[k]):
             found.append(Break("ambiguous", k, k, 0.0))
+        del search  # the field of a large map takes much memory: the next one is made without it
     return found
 
 
@@ -124,15 +126,11 @@ def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap) -> bo
     return not _tied_since(slam_map, k)[0].size
 
 
-def _is_told(search: MapSearch, slam_map: SlamMap, rows: list[int]) -> bool:
-    """Return whether of some keyframes one scan alone speaks clearly more for its pose than for any other place."""
-    for row in rows:
-        scan, pose = slam_map.scans[row], slam_map.poses[row]
-        points = lasting_points(scan)
-        view = said(contour_length(points), search.field.agreement(points, pose))
-        if search.look(scan).is_best(pose, view.by_walls):
-            return True
-    return False
+def _tells(search: MapSearch, scan: LaserScan, pose: Pose) -> bool:
+    """Return whether a scan alone speaks clearly more for a (3,) pose in a map than for any other place."""
+    points = lasting_points(scan)
+    view = said(contour_length(points), search.field.agreement(points, pose))
+    return search.look(scan).is_best(pose, view.by_walls)
 
 
 def _tied_since(slam_map: SlamMap, k: int) -> tuple[Ints, Ints]:

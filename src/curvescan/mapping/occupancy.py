@@ -87,23 +87,6 @@ class OccupancyGrid:
         rows, columns = np.nonzero(self.is_occupied)
         return self.origin + self.resolution * (np.column_stack([columns, rows]) + 0.5)
 
-    def distances(self, most: float) -> NDArray[np.float32]:
-        """Return (n_rows, n_columns) how far cells are from the nearest occupied one, metres, `most` at most.
-
-        A tile at a time, as maps are large and mostly empty.
-        """
-        from scipy.ndimage import distance_transform_edt  # loads for a good part of a second
-
-        occupied, beside = self.is_occupied, math.ceil(most / self.resolution)
-        found = np.full(occupied.shape, most, dtype=np.float32)
-        for row, column in product(*(range(0, n, _TILE) for n in occupied.shape)):
-            top, left = max(row - beside, 0), max(column - beside, 0)
-            around = occupied[top : row + _TILE + beside, left : column + _TILE + beside]
-            if around.any():
-                cells, tile = distance_transform_edt(~around)[row - top :, column - left :], found[row:, column:]
-                np.minimum(self.resolution * cells[:_TILE, :_TILE], most, out=tile[:_TILE, :_TILE])
-        return found
-
     def blocks(self, n_most: int) -> "Blocks":
         """Return a map of at least one cell in so many rows and columns of blocks, at most, for a picture."""
         n_rows, n_columns = self.log_odds.shape
@@ -121,6 +104,23 @@ class Blocks(NamedTuple):
 
     ranks: NDArray[np.uint8]  # (n_rows, n_columns): 0 unknown, 1 free, 2 occupied, as its darkest cell
     corners: Points  # (2, 2): left and bottom, right and top, metres
+
+
+def distances_from(occupied: Bools, resolution: float, most: float) -> NDArray[np.float32]:
+    """Return (n_rows, n_columns) how far cells are from the nearest occupied one, metres, `most` at most.
+
+    A tile at a time, as maps are large and mostly empty.
+    """
+    from scipy.ndimage import distance_transform_edt  # loads for a good part of a second
+
+    beside, found = math.ceil(most / resolution), np.full(occupied.shape, most, dtype=np.float32)
+    for row, column in product(*(range(0, n, _TILE) for n in occupied.shape)):
+        top, left = max(row - beside, 0), max(column - beside, 0)
+        around = occupied[top : row + _TILE + beside, left : column + _TILE + beside]
+        if around.any():
+            cells, tile = distance_transform_edt(~around)[row - top :, column - left :], found[row:, column:]
+            np.minimum(resolution * cells[:_TILE, :_TILE], most, out=tile[:_TILE, :_TILE])
+    return found
 
 
 class OccupancyBuilder:

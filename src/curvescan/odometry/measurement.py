@@ -115,8 +115,10 @@ def gate(
         return GatedMatch(result, fused, True, found)
     fused, leap = fuse(UncertainPose(expected.pose, expected.covariance + prediction.recovery), found)
     odds, off = log_odds(result.confidence, unknown=CERTAIN), found.pose[:2] - expected.pose[:2]
-    slip = min(slip_odds(off, distance), CERTAIN)
-    against = slip if prediction.is_confirmed else _SUDDEN * _shift(expected, found, prediction)
+    if prediction.is_confirmed:
+        against = min(slip_odds(off, distance), CERTAIN)
+    else:
+        against = _SUDDEN * _shift(expected, found, prediction)
     if against <= max(odds, 1.0):  # however doubtful, no small shift is sudden
         return GatedMatch(result, fused, False, found, leap)
     way = np.array([*off, 0.0]) / math.hypot(*off)

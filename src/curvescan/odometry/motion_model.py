@@ -62,7 +62,8 @@ class Prediction(NamedTuple):
         """(3, 3) how much farther from there the sensor may be once a match failed or contradicts."""
         most = np.array([self.config.recovery_sigma_m, self.config.recovery_sigma_m, self.config.recovery_sigma_rad])
         x, y, theta = self.motion.pose.tolist()
-        moved = min(round(self.seconds / _RECOVERED, 2), 1.0) * most + [math.hypot(x, y), math.hypot(x, y), abs(theta)]
+        way = math.hypot(x, y)
+        moved = min(round(self.seconds / _RECOVERED, 2), 1.0) * most + np.array([way, way, abs(theta)])
         return np.diag(np.minimum(moved, most) ** 2)
 
     @property

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from curvescan._jit import kernel
 from curvescan.errors import MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
+from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid, distances_from
 from curvescan.scan import LaserScan
 from curvescan.slam.map import SlamMap
 from curvescan.types import Bools, Floats, Points
@@ -107,10 +107,11 @@ def fields_of(slam_map: SlamMap, sizes: list[int], cell: float = OccupancyConfig
 
 def field_of_grid(grid: OccupancyGrid, is_solid: Bools | bool = True) -> DistanceField:
     """Return the field of cells: what they call occupied and free, and which occupied ones stop a beam."""
+    occupied = grid.is_occupied
     return DistanceField(
-        distance=grid.distances(FAR_M),
+        distance=distances_from(occupied, grid.resolution, FAR_M),
         is_free=np.ascontiguousarray(grid.is_free),
-        is_solid=np.ascontiguousarray(grid.is_occupied & is_solid),
+        is_solid=np.ascontiguousarray(occupied & is_solid),
         origin=np.asarray(grid.origin, dtype=np.float64),
         resolution=grid.resolution,
     )

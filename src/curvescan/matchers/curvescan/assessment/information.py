@@ -198,10 +198,9 @@ def matrices(information: Row, axes: Floats, units: Floats, is_open: Open, open_
     for k in range(3):
         known = 0.0 if is_open[k] else information[k]
         for i in range(3):
-            for j in range(i + 1):
+            for j in range(3):
                 matrix[i, j] += (axes[i, k] / units[i]) * (axes[j, k] / units[j]) * max(known, 0.0)
                 cov[i, j] += (axes[i, k] * units[i]) * (axes[j, k] * units[j]) / max(known, least)
-                matrix[j, i], cov[j, i] = matrix[i, j], cov[i, j]
         if is_open[k]:
             # an open turn about a place apart from the sensor moves it along an arc: its sagitta, to second order
             turn = abs(axes[2, k]) * units[2] * open_sigma
