@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sqlite3
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -127,6 +128,28 @@ def test_a_bag_of_two_lasers_is_read_as_one_log_and_mapped_by_one_flag(tmp_path,
     assert "join them with --rig" in capsys.readouterr().err
     assert command(["slam", str(bag), "--rig", "--topic", "/front"]) == 1
     assert "--rig takes the lasers as the bag has them" in capsys.readouterr().err
+
+
+def test_a_code_of_one_laser_is_no_wall_in_the_joined_scans(tmp_path, capsys):
+    logs = recorded(arc(30))
+    coded = [replace(one, ranges=np.where(one.ranges < 3.0, one.ranges, 3.0)) for one in logs["rear"]]
+    bag = rig_bag(tmp_path / "rig", {**logs, "rear": coded}, MOUNTS)
+    joined = cs.Rig.of_bag(bag).read(bag)
+    mended, as_is = cs.run(joined, as_is=False), cs.run(joined, as_is=True)
+    assert mended.prepared.remarks[0].startswith("/rear: ignored: readings beyond 2.87 m, codes for no return")
+    assert as_is.prepared.done == ()
+
+    def of_rear(scan):  # readings seen from the rear laser
+        points = se2.transform(se2.inverse(np.array(MOUNTS["rear"])), scan.points[scan.valid])
+        return np.linalg.norm(points, axis=1)
+
+    at_code = [np.isclose(of_rear(run.scans[0]), 3.0, atol=1e-4).sum() for run in (mended, as_is)]
+    assert at_code[0] == 0
+    assert at_code[1] > 20
+    capsys.readouterr()
+    assert command(["info", str(bag), "--rig"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "/rear: 28.4% of all readings lie between 2.90 and 3.05 m" in out
 
 
 @pytest.mark.slow

@@ -1,7 +1,7 @@
 """The issues of a log: tests and figures here, and in issues.toml what is said of each in sentences."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from string import Formatter
 from typing import Any, Literal, NamedTuple, TypeAlias
@@ -187,13 +187,9 @@ def find_issues(report: LogReport) -> tuple[Issue, ...]:
     return tuple(issues)
 
 
-def report_as_plain(report: LogReport) -> dict[str, Any]:
-    """Return a report and its issues as dictionaries, lists, numbers, strings and None."""
-    return {
-        "usable": report.is_usable,
-        "issues": [_plain(issue) for issue in find_issues(report)],
-        "report": _plain(report),
-    }
+def report_as_plain(report: LogReport, issues: Iterable[Issue]) -> dict[str, Any]:
+    """Return a report and the issues of its log as dictionaries, lists, numbers, strings and None."""
+    return {"usable": report.is_usable, "issues": [_plain(issue) for issue in issues], "report": _plain(report)}
 
 
 def _plain(value: Any) -> Any:

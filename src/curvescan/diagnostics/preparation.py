@@ -11,6 +11,7 @@ from curvescan.diagnostics.inspect import LogReport, inspect_log
 from curvescan.diagnostics.issues import Issue, find_issues
 from curvescan.diagnostics.motion_prior import Prior, choose_prior, straightened
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
+from curvescan.engines.rig import RigLog
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.log import HeldLog, Log, LogView, ScanAccess
 from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
@@ -63,8 +64,12 @@ def mend(log: Log, *, as_is: bool = False, is_order_needed: bool = True) -> Prep
     Its scans say how the noise of the laser grows with the range. as_is: mend nothing, and only say what is wrong;
     is_order_needed: find out in which order the beams were swept, which takes a second and is needed to deskew them.
     """
-    done: tuple[Issue, ...] = ()
     given = setup_of(log)
+    lasers: tuple[Issue, ...] = ()
+    done: tuple[Issue, ...] = ()
+    if isinstance(log, RigLog) and not as_is:
+        log, lasers = _mended_rig(log, is_order_needed=is_order_needed)
+    log = HeldLog(log)
     while True:  # what is mended first can hide what is mended next; each kind is mended once
         report = inspect_log(log, judge_sensor(log, is_order_needed=is_order_needed))
         issues = find_issues(report)
@@ -74,7 +79,14 @@ def mend(log: Log, *, as_is: bool = False, is_order_needed: bool = True) -> Prep
         log, done = HeldLog(_without(log, faults, report)), (*done, *faults)
     if not as_is and report.noise_doubled_at < math.inf:
         log = HeldLog(_Changed(log, lambda _, scan: replace(scan, noise_doubled_at=report.noise_doubled_at)))
-    return PreparedLog(log=log, done=done, issues=issues, report=report)
+    return PreparedLog(log=log, done=(*lasers, *done), issues=issues, report=report)
+
+
+def _mended_rig(log: RigLog, *, is_order_needed: bool) -> tuple[RigLog, tuple[Issue, ...]]:
+    """Return a rig's log of mended lasers, and what was mended in each."""
+    lasers = {name: mend(laser, is_order_needed=is_order_needed) for name, laser in log.lasers.items()}
+    done = (replace(i, mending=f"{name}: {i.mending}") for name, laser in lasers.items() for i in laser.done)
+    return RigLog(log.rig, {name: laser.log for name, laser in lasers.items()}), tuple(done)
 
 
 def _is_set(given: SensorSetup, fault: Issue) -> bool:

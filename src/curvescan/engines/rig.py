@@ -13,6 +13,7 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -26,7 +27,7 @@ from curvescan.errors import InvalidArgumentError, require
 from curvescan.io import read_log
 from curvescan.io.arrays.memory import MemoryLog
 from curvescan.io.files.lines import as_path
-from curvescan.io.log import ScanAccess
+from curvescan.io.log import Log, LogView, ScanAccess
 from curvescan.io.ros.odometry import poses_at
 from curvescan.io.ros.transforms import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -168,9 +169,9 @@ class Rig:
             When a name is not of this rig.
         """
         self._check_names(logs, "logs")
-        return (step for _, step in self._joined(logs, engine))
+        return (step for _, step in self.joined(logs, engine))
 
-    def _joined(self, logs: Mapping[str, Iterable[LaserScan]], engine: Engine) -> Iterator[tuple[LaserScan, Step]]:
+    def joined(self, logs: Mapping[str, Iterable[LaserScan]], engine: Engine) -> Iterator[tuple[LaserScan, Step]]:
         """Yield the joined scans, each with its step by an engine, whose motion joins the next one."""
         joiner = RigJoiner(len(logs), self)
         for scans in self.together(logs):
@@ -206,8 +207,8 @@ class Rig:
             )
         return cls({topic: mount for topic, mount in mounts.items() if mount is not None}, body_radius)
 
-    def read(self, path: str | os.PathLike[str]) -> MemoryLog:
-        """Return the scans of a bag's lasers joined into one at the robot's base, with its wheels, as a log in memory.
+    def read(self, path: str | os.PathLike[str]) -> RigLog:
+        """Return the scans of a bag's lasers joined into one at the robot's base, with its wheels, as a log.
 
         Parameters
         ----------
@@ -221,18 +222,42 @@ class Rig:
         InvalidArgumentError
             When a laser has no topic in it.
         """
-        logs = {topic: read_log(path, topic=topic) for topic in self.mounts}
-        scans = tuple(scan for scan, _ in self._joined(logs, Odometry()))
-        laser = next(iter(logs.values()))
-        wheels = laser.robot_odometry() if isinstance(laser, ScanAccess) else None
+        return RigLog(self, {topic: read_log(path, topic=topic) for topic in self.mounts})
+
+
+class RigLog(LogView):
+    """The scans of a rig's lasers as one log at the robot's base; they are joined when they are first asked for.
+
+    lasers: the log of each, by its name. A laser's faults are mended before its scans are joined with others': a code
+    for no return is none any more after the readings have been moved.
+    """
+
+    def __init__(self, rig: Rig, lasers: Mapping[str, Log]) -> None:
+        self.rig, self.lasers = rig, lasers
+
+    @cached_property
+    def _log(self) -> MemoryLog:  # type: ignore[override]  # made when it is first asked for
+        scans = tuple(scan for scan, _ in self.rig.joined(self.lasers, Odometry()))
+        first = next(iter(self.lasers.values()))
+        wheels = first.robot_odometry() if isinstance(first, ScanAccess) else None
         stamps = np.array([scan.stamp for scan in scans])
         return MemoryLog(
             scans=scans,
             odometry=None if wheels is None else Trajectory(stamps=stamps, poses=poses_at(stamps, wheels.to_array())),
-            name=laser.name,
-            format=laser.format,
-            notes=(f"of {counted(len(logs), 'laser')}, joined at the robot's base: {', '.join(logs)}",),
+            name=first.name,
+            format=first.format,
+            notes=(f"of {counted(len(self.lasers), 'laser')}, joined at the robot's base: {', '.join(self.lasers)}",),
         )
+
+    @cached_property
+    def _n_scans(self) -> int:
+        return sum(1 for _ in self.rig.together(self.lasers))
+
+    def __len__(self) -> int:
+        return self._n_scans
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        return iter(self._log)
 
 
 def _groups(logs: Mapping[str, Iterable[LaserScan]]) -> Iterator[dict[str, LaserScan]]:

@@ -22,7 +22,7 @@ from curvescan.engines.odometry_process import OdometryProcess, can_run_ahead
 from curvescan.errors import InvalidArgumentError, require
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.files.output import output_folder
-from curvescan.io.log import HeldLog, Log
+from curvescan.io.log import Log
 from curvescan.io.reading import read_log
 from curvescan.io.writing import ExportName, RunData, check_exports, takes_edges, write_exports
 from curvescan.mapping.config import OccupancyConfig
@@ -271,7 +271,7 @@ def _run(
     with place as folder, OdometryProcess() if helper else nullcontext() as other:
         shown.begin("looking for what is wrong with the log", 0)
         prior, as_is = options.get("odometry_prior"), options.get("as_is", False)
-        prepared = prepare_log(HeldLog(opened), odometry_prior=prior, as_is=as_is, is_order_needed=deskew)
+        prepared = prepare_log(opened, odometry_prior=prior, as_is=as_is, is_order_needed=deskew)
         scans, odometry_poses = prepared.log, prepared.odometry_poses
         engine = new(deskew and prepared.sensor.can_deskew)
         load_kernels(engine, scans, odometry_poses)

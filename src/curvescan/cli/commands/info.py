@@ -7,7 +7,7 @@ import math
 import sys
 import textwrap
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
@@ -54,17 +54,22 @@ def info(
     """
     from curvescan.diagnostics.inspect import inspect_log
     from curvescan.diagnostics.issues import find_issues, report_as_plain
+    from curvescan.engines.rig import RigLog
     from curvescan.io.log import HeldLog
 
-    report = inspect_log(HeldLog(reading.open(log)))
-    mounts, wrong = _mounts_of(log) if reading.rig or reading.topic is not None else ("", [])
+    opened = reading.open(log)
+    lasers = opened.lasers if isinstance(opened, RigLog) else {}
+    report = inspect_log(HeldLog(opened))
+    mounts, wrong = _mounts_of(log) if lasers or reading.topic is not None else ("", [])
+    issues = [*find_issues(report), *wrong]
+    told = {issue.kind for issue in issues}
+    for name, laser in lasers.items():  # the joined scans do not show all that is wrong with one of them
+        further = (issue for issue in find_issues(inspect_log(HeldLog(laser))) if issue.kind not in told)
+        issues += [replace(issue, what=f"{name}: {issue.what}") for issue in further]
     if json:
-        plain = report_as_plain(report)
-        plain["issues"] += map(asdict, wrong)
-        print(json_format.dumps(plain, indent=2, allow_nan=False))
+        print(json_format.dumps(report_as_plain(report, issues), indent=2, allow_nan=False))
         return 0 if report.is_usable else 1
     OUT.print(report.name, style="bold")
-    issues = (*find_issues(report), *wrong)
     for name, value in [*_rows(report), ("mounts", mounts)]:
         if value:
             _show(name, value)
@@ -76,7 +81,7 @@ def info(
         OUT.print("  not usable: motion takes two scans with a valid reading")
         return 1
     given = [word for word in sys.argv[1:] if word not in ("info", "--json")]
-    proposed = [issue for issue in issues if not issue.mending]  # what is mended needs no option
+    proposed = [] if lasers else [i for i in issues if not i.mending]  # what is mended needs no option
     OUT.print(f"to map it: {with_options(['curvescan', 'slam', *given], proposed)}")
     return 0
 

@@ -18,7 +18,6 @@ from curvescan.cli.console import ERR, OUT, free_port, open_browser, propose_com
 from curvescan.cli.options import Flag, LogFlags, LogUse, MethodName, Preparation, Reading
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import check_is_other, output_folder
-from curvescan.io.log import HeldLog
 from curvescan.mapping.config import OccupancyConfig
 
 if TYPE_CHECKING:
@@ -293,7 +292,7 @@ def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
     from curvescan.diagnostics.preparation import prepare_log
 
     with ERR.status("looking for what is wrong with the log"):
-        prepared = prepare_log(HeldLog(log), odometry_prior=preparation.wanted, as_is=preparation.as_is)
+        prepared = prepare_log(log, odometry_prior=preparation.wanted, as_is=preparation.as_is)
     report_preparation(prepared)
     for proposal in propose_commands(["curvescan", *sys.argv[1:]], prepared.issues):
         ERR.print(proposal, soft_wrap=True)
