@@ -241,6 +241,14 @@ def test_a_frozen_scanner_without_wheels_is_told_by_the_leap_at_its_end():
     assert cs.run(replace(spoilt(log), odometry=None), "slam", keeps_steps=False).verdict.is_trusted
 
 
+@pytest.mark.slow
+def test_a_sensor_that_was_blind_is_not_frozen():
+    log = cs.simulate("office", sensor="spinning-360", n_scans=120, seed=5, odometry_noise=None)
+    blind = [replace(scan, ranges=np.full(len(scan), np.inf)) if 60 <= k < 74 else scan for k, scan in enumerate(log)]
+    verdict = cs.run(blind, "slam", keeps_steps=False).verdict
+    assert verdict.is_trusted, verdict.sentence
+
+
 LOST_AT = 60
 
 

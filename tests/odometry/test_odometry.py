@@ -98,6 +98,22 @@ def test_a_motion_is_not_repeated_for_ever():
     assert [s.outcome for s in steps] == [StepOutcome.PREDICTED] * 2 + [StepOutcome.HELD] * 2
     np.testing.assert_array_equal(steps[3].pose, steps[1].pose)
     assert (np.diag(steps[3].covariance) > np.diag(steps[2].covariance)).all()
+    # held for two scans: in fact it may have gone on as before
+    assert np.trace(steps[3].covariance[:2, :2]) > (2.0 * np.hypot(*steps[1].motion[:2])) ** 2
+
+
+@pytest.mark.parametrize("n_covered", [6, 12])
+def test_a_sensor_that_was_covered_is_found_again_and_no_track_begins_under_the_cover(n_covered):
+    log = cs.simulate("office", n_scans=50, seed=4)
+    covered, steps, odometry, rng = range(20, 20 + n_covered), [], cs.Odometry(), np.random.default_rng(0)
+    for k, scan in enumerate(log):
+        waves = np.sin(np.arange(1, 6)[:, np.newaxis] * scan.angles + rng.uniform(0.0, 6.0, (5, 1)))
+        near = 0.3 + 0.03 * waves.sum(axis=0)  # a hand, of another shape each time
+        steps.append(odometry.add(replace(scan, ranges=near) if k in covered else scan))
+    assert StepOutcome.LOST not in [step.outcome for step in steps]
+    assert steps[covered.stop].outcome is StepOutcome.RELOCALIZED
+    off = cs.se2.between(cs.se2.between(log.truth.poses[0], log.truth.poses[-1]), steps[-1].pose)
+    assert np.hypot(*off[:2]) < 0.05
 
 
 def test_a_first_scan_without_readings_gives_way_to_the_first_with_some():

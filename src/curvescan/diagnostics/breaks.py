@@ -55,7 +55,8 @@ def find_frozen(record: RunRecord, most: float, wheels: Pose | None) -> list[Bre
         off = [] if wheels is None else np.hypot(*(wheels[begin:k, :2] - wheels[begin, :2]).T)
         driven = float(np.nan_to_num(off, posinf=0.0).max(initial=0.0))
         leap = float(leaps[k : k + _N_SCANS].max(initial=0.0))
-        if driven > most or 0.0 < leap <= usual * (k - 1 - begin):
+        n_seen = np.count_nonzero(~record.is_failed[begin + 1 : k])  # blind is not frozen
+        if driven > most or 0.0 < leap <= usual * n_seen:
             found.append(Break("frozen", begin, k - 1, driven if driven > most else leap))
     return found
 

@@ -25,8 +25,8 @@ class KeyframesConfig:
     """Share of the variance of a match that stays when the scan becomes a keyframe: the rest cancels along the chain,
     for a keyframe's noise moves the scan before it and the one after it opposite ways. Measured in simulation."""
     max_gap: int = 3
-    """Scans after one without a sure match; if they do not show what was in use before it, the track is lost and starts
-    anew. 0: never."""
+    """Scans after one without a sure match that match each other; if they do not show what was in use before it, the
+    track is lost and starts anew. 0: never."""
 
     def __post_init__(self) -> None:
         for name in ("distance", "turn"):

@@ -14,7 +14,7 @@ import numpy as np
 from curvescan.matchers.result import WIDE_PRIOR
 from curvescan.odometry.measurement import CERTAIN, GatedMatch, gate, odds_against
 from curvescan.odometry.observation import Gap, Keyframe, Localization, Observation, Placement
-from curvescan.odometry.step import StepOutcome
+from curvescan.odometry.step import UNMEASURED, StepOutcome
 from curvescan.se2.uncertain import UncertainPose, identity
 
 _SHARE = 0.65
@@ -46,24 +46,27 @@ def open_gap(o: Observation, last: Localization, log_odds: float = 0.0) -> Gap |
     return Gap(before=tuple(before[:2]), n_scans=1, log_odds=log_odds) if before else None
 
 
-def settle_gap(o: Observation, placement: Placement, *, is_counted: bool = True) -> Placement:
-    """Return the placement of one more scan in a gap: RELOCALIZED, LOST, or as it is while neither is likely enough."""
+def settle_gap(o: Observation, placement: Placement) -> Placement:
+    """Return the placement of one more scan in a gap: RELOCALIZED, LOST, or as it is while neither is likely enough.
+
+    A scan that matches nothing, not even the one before it, says nothing: no track begins with it.
+    """
     gap = placement.gap
     if gap is None:
         return placement
     found, said, keyframe = _best_match(o, placement, gap)
-    n_scans, longest = gap.n_scans + is_counted, o.config.keyframes.max_gap
-    log_odds, is_last = gap.log_odds + said / longest, n_scans > longest  # scans of one place err alike: their mean
-    if found is not None and (said >= CERTAIN or (is_last and log_odds > 0.0)):
+    counts, longest = placement.outcome not in UNMEASURED, o.config.keyframes.max_gap
+    # scans of one place err alike: their mean
+    gap = gap._replace(n_scans=gap.n_scans + counts, log_odds=gap.log_odds + counts * said / longest)
+    is_last = counts and gap.n_scans > longest
+    if found is not None and (said >= CERTAIN or (is_last and gap.log_odds > 0.0)):
         joined = Localization(
             keyframe=keyframe, pose_keyframe_scan=found.pose_keyframe_scan, is_measured=found.is_fully_observed
         )
         placement = placement._replace(outcome=StepOutcome.RELOCALIZED, localization=joined, gap=None)
         return with_keyframe(o, placement._replace(match=found.result, reference=keyframe.index))
-    if not is_last:
-        return placement._replace(gap=gap._replace(n_scans=n_scans, log_odds=log_odds))
-    if o.prediction.is_measured or log_odds > 0.0:  # wheels or the motions since carried the track
-        return placement._replace(gap=None)
+    if not is_last or o.prediction.is_measured or gap.log_odds > 0.0:  # wheels or the motions since carried the track
+        return placement._replace(gap=None if is_last else gap)
     return with_keyframe(o, _lost(placement))
 
 

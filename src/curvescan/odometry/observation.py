@@ -56,7 +56,7 @@ class Gap(NamedTuple):
 
     # the references from before the gap: the last scan and the keyframe in use, where they can be; else the one before
     before: tuple[Keyframe, ...]
-    n_scans: int  # scans in the gap that have readings enough to be matched
+    n_scans: int  # the scan that nothing showed surely, and those since that match the one before them
     log_odds: float = 0.0  # that the sensor is still near, by the matches since
 
 

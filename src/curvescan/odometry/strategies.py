@@ -12,8 +12,6 @@ import math
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
 from curvescan import se2
 from curvescan.matchers import PreparedScan
 from curvescan.odometry.config import KeyframesConfig
@@ -119,8 +117,8 @@ def _track(o: Observation, last: Localization, attempt: _Attempt) -> Placement |
 
 def _extrapolate(o: Observation, last: Localization, failed: _Attempt) -> Placement:
     """Return where the expected motion leads; the scan becomes the next reference if it can be one."""
-    is_held = o.state.motion.is_exhausted(o.prediction)
-    motion = UncertainPose(np.zeros(3), o.prediction.motion.covariance) if is_held else o.prediction.motion
+    is_held, motion = o.state.motion.is_exhausted(o.prediction), o.prediction.motion
+    motion = o.state.motion.held(motion) if is_held else motion
     gap = o.state.gap or open_gap(o, last)
     placement = Placement(
         outcome=StepOutcome.HELD if is_held else StepOutcome.PREDICTED,
@@ -137,13 +135,11 @@ def _extrapolate(o: Observation, last: Localization, failed: _Attempt) -> Placem
         return placement._replace(is_reference=False)
     if not o.matching.matcher.can_be_reference(o.current.features):
         return placement
-    if o.state.gap is not None:
-        settled = settle_gap(o, placement, is_counted=not o.prediction.is_measured)
-        if settled.outcome is not placement.outcome:  # how it moves by now is not known
-            still = o.state.motion.updated(o.prediction, identity(), is_fully_observed=False)
-            return settled._replace(motion=still)
-        placement = settled
-    return with_keyframe(o, placement)  # a robot is never stuck on an old reference
+    settled = placement if o.state.gap is None else settle_gap(o, placement)
+    if settled.outcome is StepOutcome.RELOCALIZED:  # how it moves by now is not known
+        still = o.state.motion.updated(o.prediction, identity(), is_fully_observed=False)
+        return settled._replace(motion=still)
+    return with_keyframe(o, settled)  # a robot is never stuck on an old reference
 
 
 def _with_better_sweep(o: Observation, attempt: _Attempt) -> _Attempt:
