@@ -153,11 +153,11 @@ class MotionModel(NamedTuple):
     def updated_without_match(self, prediction: Prediction, motion: UncertainPose) -> MotionModel:
         """Return the model after a scan that nothing matches, and for which `motion` was taken."""
         model = self.updated(prediction, motion, is_fully_observed=False)
-        return model._replace(last=prediction.motion, n_failures=self.n_failures + 1)
+        return model._replace(n_failures=self.n_failures + 1)
 
     def held(self, expected: UncertainPose) -> UncertainPose:
-        """Return no motion in place of an expected one; since it failed the sensor may have gone on as before."""
-        on = (2 * self.n_failures + 1) * np.outer(expected.pose, expected.pose)  # in sum the square of the way
+        """Return no motion in place of an expected one: since matches failed the sensor may have gone on as before."""
+        on = (2 * self.n_failures + 1) * np.outer(expected.pose, expected.pose)  # over as many scans the way, squared
         return UncertainPose(np.zeros(3), expected.covariance + on)
 
     def is_exhausted(self, prediction: Prediction) -> bool:
