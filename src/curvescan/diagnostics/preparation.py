@@ -69,7 +69,6 @@ def mend(log: Log, *, as_is: bool = False, is_order_needed: bool = True) -> Prep
     done: tuple[Issue, ...] = ()
     if isinstance(log, RigLog) and not as_is:
         log, lasers = _mended_rig(log, is_order_needed=is_order_needed)
-    log = HeldLog(log)
     while True:  # what is mended first can hide what is mended next; each kind is mended once
         report = inspect_log(log, judge_sensor(log, is_order_needed=is_order_needed))
         issues = find_issues(report)
@@ -215,7 +214,8 @@ def prepare_log(
     odometry_prior: whether to use wheels or gyroscope, None where they agree with the scans; the rest as of
     :func:`mend`. Raises InvalidArgumentError as :func:`choose_prior` does.
     """
-    mended = mend(log, as_is=as_is, is_order_needed=is_order_needed)
+    held = log if isinstance(log, RigLog) else HeldLog(log)
+    mended = mend(held, as_is=as_is, is_order_needed=is_order_needed)
     report = mended.report
     lag = report.odometry.lag if report.odometry else 0.0
     return replace(mended, prior=choose_prior(mended.log, sense=report.sense, lag=lag, wanted=odometry_prior))
