@@ -214,7 +214,7 @@ def prepare_log(
     odometry_prior: whether to use wheels or gyroscope, None where they agree with the scans; the rest as of
     :func:`mend`. Raises InvalidArgumentError as :func:`choose_prior` does.
     """
-    held = log if isinstance(log, RigLog) else HeldLog(log)
+    held = log if isinstance(log, RigLog) else HeldLog(log)  # a rig's log holds its joined scans itself
     mended = mend(held, as_is=as_is, is_order_needed=is_order_needed)
     report = mended.report
     lag = report.odometry.lag if report.odometry else 0.0
